@@ -1,0 +1,85 @@
+#include "cache/base/memory.h"
+
+#include <sys/mman.h>
+
+#include <cstdio>
+#include <cstdlib>
+#include <fstream>
+#include <string>
+
+#include "cache/base/check.h"
+
+namespace spillway {
+namespace {
+
+struct Counter {
+  std::atomic<uint64_t> current{0};
+  std::atomic<uint64_t> peak{0};
+
+  void add(uint64_t bytes) {
+    const uint64_t now = current.fetch_add(bytes) + bytes;
+    uint64_t seen = peak.load();
+    while (seen < now && !peak.compare_exchange_weak(seen, now)) {
+    }
+  }
+};
+
+std::array<Counter, kMemoryTagCount> counters;
+Counter total;
+
+Counter& counter(MemoryTag tag) { return counters[static_cast<size_t>(tag)]; }
+MemoryUse use(const Counter& c) { return {c.current.load(), c.peak.load()}; }
+
+}  // namespace
+
+const char* name(MemoryTag tag) {
+  static constexpr const char* kNames[kMemoryTagCount] = {"scene", "page_tree", "pages", "attributes",
+                                                          "textures", "rays", "paths", "hits",
+                                                          "film", "streams", "lights", "pack"};
+  return kNames[static_cast<size_t>(tag)];
+}
+
+void memory_claim(MemoryTag tag, uint64_t bytes) {
+  counter(tag).add(bytes);
+  total.add(bytes);
+}
+
+void memory_release(MemoryTag tag, uint64_t bytes) {
+  const uint64_t held = counter(tag).current.fetch_sub(bytes);
+  SPILLWAY_CHECK(held, >=, bytes);
+  total.current.fetch_sub(bytes);
+}
+
+MemoryUse memory_use(MemoryTag tag) { return use(counter(tag)); }
+MemoryUse memory_total() { return use(total); }
+
+void memory_reset_peaks() {
+  for (Counter& c : counters) c.peak = c.current.load();
+  total.peak = total.current.load();
+}
+
+ResidentMemory resident_memory() {
+  ResidentMemory result;
+  std::ifstream status("/proc/self/status");
+  std::string line;
+  while (std::getline(status, line)) {
+    unsigned long long kib = 0;
+    if (std::sscanf(line.c_str(), "VmRSS: %llu kB", &kib) == 1) result.current_bytes = kib << 10;
+    if (std::sscanf(line.c_str(), "VmHWM: %llu kB", &kib) == 1) result.peak_bytes = kib << 10;
+  }
+  return result;
+}
+
+void* allocate_pages(size_t size_bytes) {
+  void* pages = mmap(nullptr, size_bytes, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
+  if (pages == MAP_FAILED) {
+    fmt::print(stderr, "spillway: the system refused {} bytes of memory\n", size_bytes);
+    std::abort();
+  }
+  if (size_bytes >= (4u << 20)) madvise(pages, size_bytes, MADV_HUGEPAGE);
+  return pages;
+}
+
+void free_pages(void* pages, size_t size_bytes) { munmap(pages, size_bytes); }
+
+}  // namespace spillway

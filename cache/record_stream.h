@@ -1,0 +1,70 @@
+#pragma once
+
+// A sequence of trivially copyable records: in memory until its limit, then in checksummed blocks on scratch.
+//
+// Owns: its records. Memory: `tag` up to memory_limit_bytes, then two blocks of MemoryTag::streams.
+// Threads: one appender, then (after finish) readers of any number; no lock is held over I/O.
+// Fails: a full scratch disk on append/finish; a damaged block on read, naming stream, block and offset.
+// Order: records come back in the order of append, whatever was spilled.
+
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <string>
+#include <type_traits>
+
+#include "cache/base/memory.h"
+#include "cache/base/result.h"
+#include "cache/file.h"
+
+namespace spillway::cache {
+
+struct StreamOptions {
+  std::string what = "stream";             // for messages and the report
+  MemoryTag tag = MemoryTag::paths;
+  IoPurpose purpose = IoPurpose::paths;
+  uint64_t memory_limit_bytes = UINT64_MAX;  // larger: spills later. 0 spills everything
+  uint64_t block_bytes = 4 << 20;            // larger: fewer, longer requests and more buffer memory
+  Scratch* scratch = nullptr;                // none: must never exceed its limit
+};
+
+// The untyped part; records of a fixed size in bytes.
+class ByteStream {
+ public:
+  ByteStream(size_t record_bytes, StreamOptions options);
+  ByteStream(ByteStream&&) noexcept;
+  ByteStream& operator=(ByteStream&&) noexcept;
+  ~ByteStream();
+
+  Status append(std::span<const std::byte> records);
+  Status finish();  // flushes; afterwards only reads
+  [[nodiscard]] uint64_t size() const;  // records
+  [[nodiscard]] uint64_t spilled_bytes() const;
+  // Copies records [first, first + out.size() / record_bytes) to out. Sequential readers should ask for whole
+  // multiples of records_per_block(): each block is then read once.
+  Status read(uint64_t first, std::span<std::byte> out) const;
+  [[nodiscard]] uint64_t records_per_block() const;
+
+ private:
+  struct State;
+  std::unique_ptr<State> state_;
+};
+
+template <class T>
+class RecordStream {
+  static_assert(std::is_trivially_copyable_v<T>);
+
+ public:
+  explicit RecordStream(StreamOptions options) : bytes_(sizeof(T), std::move(options)) {}
+  Status append(std::span<const T> records) { return bytes_.append(std::as_bytes(records)); }
+  Status finish() { return bytes_.finish(); }
+  [[nodiscard]] uint64_t size() const { return bytes_.size(); }
+  [[nodiscard]] uint64_t spilled_bytes() const { return bytes_.spilled_bytes(); }
+  [[nodiscard]] uint64_t records_per_block() const { return bytes_.records_per_block(); }
+  Status read(uint64_t first, std::span<T> out) const { return bytes_.read(first, std::as_writable_bytes(out)); }
+
+ private:
+  ByteStream bytes_;
+};
+
+}  // namespace spillway::cache

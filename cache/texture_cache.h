@@ -1,0 +1,71 @@
+#pragma once
+
+// Packed images, looked up in blocks through OpenImageIO's tile cache.
+//
+// Owns: OpenImageIO's ImageCache. Memory: tag textures, limit Options::memory_limit_bytes, which covers what the library
+// holds beside its tiles (about 20 KiB a file and 1 MiB an open handle).
+// Threads: look_up may be called from any number of threads at once, one block each; no lock of ours is held over I/O.
+// Fails: a missing or damaged image fails open() or look_up() with the file's name; never a black texel instead.
+// Bits: a value depends on the image and the request alone, not on the budget, the block or the thread.
+
+#include <cstdint>
+#include <filesystem>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "cache/base/ids.h"
+#include "cache/base/result.h"
+#include "cache/base/vec.h"
+
+namespace spillway::cache {
+
+enum class WrapMode : uint32_t { repeat, clamp, black };
+enum class TexelEncoding : uint32_t { linear, srgb };  // of the stored texels; values come out linear
+enum class TexelFilter : uint32_t { point, bilinear, trilinear };
+
+// One line a packed image, as the store's manifest holds it.
+struct ImageInfo {
+  char file_name[64];  // inside the store's textures folder
+  uint32_t width, height, channels, levels;
+  TexelEncoding encoding;
+  float mean[4];  // linear, of the finest level
+};
+
+struct TextureRequest {
+  uint32_t image;
+  WrapMode wrap;
+  TexelFilter filter;
+  float u, v;        // v up: image row is (1 - v) * height
+  float width_uv;    // footprint diameter in uv units (of the shorter image axis); 0 asks for the finest level
+};
+
+struct Texel {
+  float value[4];  // linear; channels missing in the image: grey is spread to rgb, alpha is 1
+};
+
+struct TextureCounters {
+  uint64_t lookups = 0, tiles_touched = 0, tiles_read = 0, tiles_read_again = 0;
+  uint64_t bytes_read = 0, unique_bytes = 0;
+};
+
+class TextureCache {
+ public:
+  struct Options {
+    uint64_t memory_limit_bytes = 256 << 20;  // larger: fewer tiles are read again
+  };
+  static Result<std::unique_ptr<TextureCache>> open(const std::filesystem::path& textures_directory,
+                                                    std::span<const ImageInfo> images, Options options);
+  ~TextureCache();
+
+  // values[i] answers requests[i]. Fastest when neighbours in the block share tiles.
+  Status look_up(std::span<const TextureRequest> requests, std::span<Texel> values);
+  [[nodiscard]] TextureCounters counters() const;
+
+ private:
+  struct State;
+  explicit TextureCache(std::unique_ptr<State> state);
+  std::unique_ptr<State> state_;
+};
+
+}  // namespace spillway::cache

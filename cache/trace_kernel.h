@@ -1,0 +1,55 @@
+#pragma once
+
+// Our one tracing kernel (AVX2): traces single rays through pages, in every memory regime.
+//
+// Returns the exact nearest hit whatever the order of pages and the shape of the trees: watertight triangle test on the
+// stored vertices (Woop, Benthin, Wald 2013) whose (t, u, v) depends on ray and triangle alone; boxes padded by a quantum
+// at build time and by an absolute margin per ray (a few ulp of max(|origin|, scene extent)); a box is skipped only when
+// its entry is greater than the nearest hit; equal t goes to the smaller (instance, prim).
+// Threads: pure functions of their arguments. Memory: a fixed stack.
+
+#include <cstdint>
+
+#include "cache/ray.h"
+#include "cache/trace_page.h"
+
+namespace spillway::cache {
+
+enum class TraceMode : uint8_t {
+  nearest,    // paths
+  occlusion,  // shadow rays: stops at the first opaque hit (kHitOccluded); else the nearest alpha-unknown hit
+};
+
+// Work counters; per call, added by the caller.
+struct TraceCounters {
+  uint64_t nodes = 0, leaves = 0, pages = 0;
+};
+
+// Which pages are in memory: view(page).header is null when it is not.
+struct ResidentPages {
+  const TracePageView* views = nullptr;
+  [[nodiscard]] const TracePageView& view(uint32_t page) const { return views[page]; }
+};
+
+// No hit yet.
+inline TraceHit no_hit(const TraceRay& ray) { return {ray.t_max, 0, 0, PrimId::kNone, 0, 0}; }
+
+// Traces one ray through one page as seen from `instance` (0: no transform), shortening `hit`.
+template <TraceMode mode>
+void trace_page(const TracePageView& page, uint32_t instance, const PageTree& tree, const TraceRay& ray, TraceHit& hit);
+
+// Traces one ray through all resident pages, front to back. Returns whether a page that is not resident was met
+// (its box entered at t <= hit.t): such rays go on to the sweep.
+template <TraceMode mode>
+bool trace_resident(const PageTree& tree, const ResidentPages& pages, const TraceRay& ray, TraceHit& hit);
+
+// Calls visit(page, instance) for every page whose box (in every enclosing tree) the ray enters at t <= hit.t and that
+// is not resident. Order unspecified.
+struct PageVisit {
+  uint32_t page, instance;
+};
+// Writes at most `capacity` visits, returns how many there are.
+size_t pages_met(const PageTree& tree, const ResidentPages& pages, const TraceRay& ray, const TraceHit& hit,
+                 PageVisit* visits, size_t capacity);
+
+}  // namespace spillway::cache

@@ -1,0 +1,38 @@
+# Every library once, as an imported target spillway::<name>. Found by header and library: the CMake files that
+# Debian 12 ships for OpenImageIO and OpenVDB name paths that do not exist.
+
+set(THREADS_PREFER_PTHREAD_FLAG ON)
+find_package(Threads REQUIRED)
+
+function(spillway_library name header)
+  find_path(SPILLWAY_${name}_INCLUDE ${header} REQUIRED)
+  add_library(spillway::${name} INTERFACE IMPORTED GLOBAL)
+  target_include_directories(spillway::${name} SYSTEM INTERFACE ${SPILLWAY_${name}_INCLUDE})
+  foreach(library ${ARGN})
+    find_library(SPILLWAY_${library}_LIBRARY ${library} REQUIRED)
+    target_link_libraries(spillway::${name} INTERFACE ${SPILLWAY_${library}_LIBRARY})
+  endforeach()
+endfunction()
+
+spillway_library(fmt fmt/format.h fmt)
+spillway_library(tbb tbb/parallel_for.h tbb)
+target_link_libraries(spillway::tbb INTERFACE Threads::Threads)
+spillway_library(xxhash xxhash.h)
+spillway_library(imath Imath/ImathMatrix.h Imath)
+target_include_directories(spillway::imath SYSTEM INTERFACE ${SPILLWAY_imath_INCLUDE}/Imath)
+spillway_library(openimageio OpenImageIO/imagecache.h OpenImageIO OpenImageIO_Util)
+target_link_libraries(spillway::openimageio INTERFACE spillway::imath)
+spillway_library(json nlohmann/json.hpp)
+spillway_library(cli11 CLI/CLI.hpp)
+spillway_library(spdlog spdlog/spdlog.h spdlog)
+target_compile_definitions(spillway::spdlog INTERFACE SPDLOG_COMPILED_LIB SPDLOG_FMT_EXTERNAL)
+target_link_libraries(spillway::spdlog INTERFACE spillway::fmt)
+
+find_library(SPILLWAY_embree4_LIBRARY embree4)
+if(SPILLWAY_embree4_LIBRARY)
+  spillway_library(embree embree4/rtcore.h embree4)
+  target_compile_definitions(spillway::embree INTERFACE SPILLWAY_EMBREE_MAJOR=4)
+else()
+  spillway_library(embree embree3/rtcore.h embree3)
+  target_compile_definitions(spillway::embree INTERFACE SPILLWAY_EMBREE_MAJOR=3)
+endif()

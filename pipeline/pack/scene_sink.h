@@ -1,0 +1,51 @@
+#pragma once
+
+// Where importers and generators put a scene. One implementation: ScenePacker, which writes a store.
+//
+// Threads: one caller. Memory: add_mesh may be called with views of memory that is reused afterwards.
+// Fails: any call may return an error (disk, invalid geometry); the store is then never committed.
+
+#include <cstdint>
+#include <filesystem>
+#include <span>
+#include <string>
+
+#include "cache/base/result.h"
+#include "pipeline/scene.h"
+
+namespace spillway::pipeline {
+
+// One triangle mesh in the space of its object. Arrays are checked: NaN or infinite vertices and indices out of range are
+// errors that name `name`; triangles of zero area are dropped and counted.
+struct MeshInput {
+  std::string name;                      // "models/Mesh001.ply" or "scene.pbrt:41:1", for messages and info
+  std::span<const Float3> positions;
+  std::span<const Float3> normals;       // empty, or one a position
+  std::span<const Float2> uvs;           // empty, or one a position
+  std::span<const uint32_t> indices;     // three a triangle
+  MaterialId material;
+  TextureId alpha;                       // none: opaque
+  bool flip_normals = false;
+  uint32_t object = 0;                   // 0: the world, else from begin_object
+  bool emits = false;                    // only in the world
+  Rgb emission{0, 0, 0};
+  bool emits_two_sided = false;
+};
+
+class SceneSink {
+ public:
+  virtual ~SceneSink() = default;
+
+  virtual Result<ImageId> add_image(const std::filesystem::path& file, cache::TexelEncoding encoding) = 0;
+  virtual Result<TextureId> add_texture(const TextureNode& node) = 0;
+  virtual Result<MaterialId> add_material(const Material& material, std::string name) = 0;
+  virtual Status add_light(const shading::Light& light) = 0;  // point, spot, distant, infinite
+  virtual uint32_t begin_object(std::string name) = 0;        // a prototype; its meshes name it
+  virtual Status add_mesh(const MeshInput& mesh) = 0;
+  virtual Status add_instance(uint32_t object, const Affine3& world_from_object) = 0;
+  virtual void set_settings(const SceneSettings& settings) = 0;  // camera, filter, film, render
+  // Everything said: pack, and commit the store. Nothing may follow.
+  virtual Status finish() = 0;
+};
+
+}  // namespace spillway::pipeline

@@ -1,0 +1,142 @@
+#pragma once
+
+// The tables of a packed scene: what the store's manifest holds and every stage reads. Plain arrays of plain structs.
+
+#include <cstdint>
+#include <string>
+
+#include "cache/base/ids.h"
+#include "cache/base/vec.h"
+#include "cache/texture_cache.h"
+#include "shading/camera.h"
+#include "shading/light.h"
+
+namespace spillway::pipeline {
+
+// ---- textures: a small graph; nodes come after the nodes they use ----
+
+enum class TextureKind : uint32_t { constant, image, scale, mix };
+
+struct TextureNode {
+  TextureKind kind = TextureKind::constant;
+  float value[4] = {0, 0, 0, 1};  // constant; image: multiplied onto the texel (pbrt's scale)
+  uint32_t image = ImageId::kNone;
+  cache::WrapMode wrap = cache::WrapMode::repeat;
+  cache::TexelFilter filter = cache::TexelFilter::bilinear;
+  uint32_t invert = 0;
+  float uv_scale[2] = {1, 1};  // st = uv * scale + offset
+  float uv_offset[2] = {0, 0};
+  uint32_t child[3] = {TextureId::kNone, TextureId::kNone, TextureId::kNone};  // scale: a, b; mix: a, b, amount
+};
+
+// A material parameter: a constant, or the texture node that gives it.
+struct Param {
+  Rgb constant{0, 0, 0};
+  uint32_t texture = TextureId::kNone;
+};
+
+// ---- materials ----
+
+enum class MaterialKind : uint32_t {
+  diffuse, conductor, dielectric, thin_dielectric, coated_diffuse, coated_conductor, mix,
+};
+
+struct Material {
+  MaterialKind kind = MaterialKind::diffuse;
+  uint32_t remap_roughness = 1;           // alpha = sqrt(roughness)
+  Param reflectance;                      // diffuse, coated_diffuse; conductor when uses_reflectance
+  uint32_t uses_reflectance = 0;          // conductor given by reflectance instead of eta and k
+  Param u_roughness, v_roughness;         // of the surface, or of the coat of coated_*
+  Param base_u_roughness, base_v_roughness;  // of the conductor below a coat
+  Param conductor_eta, conductor_k;
+  float eta = 1.5f;                       // dielectric, coat
+  uint32_t displacement = TextureId::kNone;  // bump map, world units along the normal
+  uint32_t mix_material[2] = {MaterialId::kNone, MaterialId::kNone};
+  Param mix_amount;                       // 0 takes the first, 1 the second
+};
+
+// ---- meshes, numbered by (material, order of import) ----
+
+enum MeshFlag : uint32_t {
+  kMeshFlipNormals = 1,   // reverse orientation xor a mirroring transform
+  kMeshHasNormals = 2,
+  kMeshHasUvs = 4,
+};
+
+struct Mesh {
+  uint32_t prim_base;   // first PrimId
+  uint32_t face_count;
+  uint32_t material;
+  uint32_t object;      // 0: the world
+  uint32_t light_base = LightId::kNone;  // light of face 0, when the mesh emits; faces follow
+  uint32_t alpha_texture = TextureId::kNone;  // or none: opaque
+  uint32_t flags;       // MeshFlag
+  uint32_t reserved;
+};
+static_assert(sizeof(Mesh) == 32);
+
+// One line a block of the attribute file, by ascending first_prim.
+struct AttributeLocation {
+  uint64_t offset_bytes;
+  uint32_t size_bytes;
+  uint32_t first_prim;
+  uint32_t prim_count;
+  uint32_t reserved;
+};
+
+// ---- what the scene says about the picture; the command line may override ----
+
+struct FilmSettings {
+  uint32_t crop_x0 = 0, crop_y0 = 0, crop_x1 = 0, crop_y1 = 0;  // pixels, half open; all zero: everything
+  float exposure_scale = 1;  // radiance to pixel value (pbrt: imaging ratio)
+};
+
+struct RenderSettings {
+  uint32_t samples_per_pixel = 16;
+  uint32_t max_depth = 5;      // bounces, as pbrt counts
+  uint32_t seed = 0;
+  uint32_t regularize = 0;
+};
+
+struct SceneStatistics {
+  uint64_t triangle_count = 0;           // unique, as stored
+  uint64_t instanced_triangle_count = 0;  // as seen
+  uint64_t degenerate_dropped_count = 0;
+  Bounds3 bounds_world;
+};
+
+struct SceneSettings {
+  shading::Camera camera;
+  shading::Filter filter;
+  FilmSettings film;
+  RenderSettings render;
+  SceneStatistics statistics;
+};
+
+// Files of a store (a directory).
+inline constexpr const char* kManifestFile = "manifest.spw";
+inline constexpr const char* kTracePagesFile = "pages.trace";
+inline constexpr const char* kAttributesFile = "attributes.blocks";
+inline constexpr const char* kTexturesDirectory = "textures";
+inline constexpr const char* kStoreKind = "SPWSTORE";
+inline constexpr uint32_t kStoreVersion = 1;
+
+// Section names of the manifest. Arrays of the struct named.
+namespace section {
+inline constexpr const char* kSettings = "settings";            // SceneSettings[1]
+inline constexpr const char* kMeshes = "meshes";                // Mesh
+inline constexpr const char* kMaterials = "materials";          // Material
+inline constexpr const char* kTextures = "textures";            // TextureNode
+inline constexpr const char* kImages = "images";                // cache::ImageInfo
+inline constexpr const char* kLights = "lights";                // shading::Light
+inline constexpr const char* kLightCdf = "light_cdf";           // float
+inline constexpr const char* kPages = "pages";                  // cache::PageLocation
+inline constexpr const char* kTreeNodes = "tree_nodes";         // cache::TraceNode
+inline constexpr const char* kTreeEntries = "tree_entries";     // cache::PageTreeEntry
+inline constexpr const char* kTreeObjects = "tree_objects";     // cache::PageObject
+inline constexpr const char* kInstances = "instances";          // cache::Instance
+inline constexpr const char* kAttributes = "attributes";        // AttributeLocation
+inline constexpr const char* kNames = "names";                  // char: lines "mesh 3 models/a.ply", "material 2 Floor", ...
+}  // namespace section
+
+}  // namespace spillway::pipeline

@@ -1,0 +1,59 @@
+#pragma once
+
+// BSDFs as closed sets of numbers. Directions are unit, in the local shading frame (z = shading normal), and point away
+// from the surface: w_prev towards where the path came from, w_next towards where it goes.
+//
+// Every lossless parameter set integrates to one; reciprocal up to the eta^2 of refraction (radiance transport).
+
+#include <cstdint>
+
+#include "cache/base/vec.h"
+
+namespace spillway::shading {
+
+enum class BsdfKind : uint8_t {
+  none,              // absorbs everything
+  diffuse,           // Lambert, two-sided
+  conductor,         // GGX, height-correlated Smith; alpha 0 is a mirror
+  dielectric,        // GGX interface, reflects and refracts; alpha 0 is smooth
+  thin_dielectric,   // a parallel slab without thickness: delta reflection and straight transmission
+  coated_diffuse,    // dielectric coat over Lambert, with the internal scattering term (closed form)
+  coated_conductor,  // dielectric coat over a conductor (closed form)
+};
+
+// All numbers resolved: no textures, no handles.
+struct BsdfParams {
+  BsdfKind kind = BsdfKind::none;
+  float alpha_x = 0, alpha_y = 0;            // GGX alpha of the surface (or of the coat of coated_*)
+  float base_alpha_x = 0, base_alpha_y = 0;  // of the conductor below a coat
+  float eta = 1.5f;                          // relative index, inside over outside, of dielectric or coat
+  Rgb reflectance{0, 0, 0};                  // diffuse albedo
+  Rgb conductor_eta{0, 0, 0}, conductor_k{0, 0, 0};
+};
+
+// Below this alpha a lobe is treated as a delta.
+inline constexpr float kSmoothAlpha = 1e-3f;
+
+struct BsdfSample {
+  Float3 w_next_local{0, 0, 1};
+  Rgb weight{0, 0, 0};           // f |cos| / pdf, including the choice of lobe; zero ends the path
+  float pdf_solid_angle = 0;     // of the continuous part; 0 for a delta
+  bool is_delta = false;
+  bool is_transmission = false;  // w_next on the other side of the surface than w_prev
+  float eta_scale = 1;           // squared relative index of a refraction, for Russian roulette (pbrt-v4 section 13.4)
+};
+
+// f(w_prev, w_next) |cos theta_next| and its pdf over solid angle; continuous lobes only, zero for deltas.
+struct BsdfValue {
+  Rgb f_cos{0, 0, 0};
+  float pdf_solid_angle = 0;
+};
+
+[[nodiscard]] BsdfSample sample_bsdf(const BsdfParams& bsdf, Float3 w_prev_local, Float2 u, float u_lobe);
+[[nodiscard]] BsdfValue evaluate_bsdf(const BsdfParams& bsdf, Float3 w_prev_local, Float3 w_next_local);
+// Whether evaluate_bsdf can return anything but zero: next-event estimation is worth a ray.
+[[nodiscard]] bool has_continuous_lobe(const BsdfParams& bsdf);
+// Directional albedo estimate for the albedo AOV (no noise: a closed form, exact for diffuse).
+[[nodiscard]] Rgb albedo_estimate(const BsdfParams& bsdf, Float3 w_prev_local);
+
+}  // namespace spillway::shading
