@@ -43,13 +43,13 @@ void trace_page(const TracePageView& page, uint32_t instance, const PageTree& tr
 template <TraceMode mode>
 bool trace_resident(const PageTree& tree, const ResidentPages& pages, const TraceRay& ray, TraceHit& hit);
 
-// Calls visit(page, instance) for every page whose box (in every enclosing tree) the ray enters at t <= hit.t and that
-// is not resident. Order unspecified.
+// A page that a ray must still be traced through, as seen from an instance.
 struct PageVisit {
   uint32_t page, instance;
 };
-// Writes at most `capacity` visits, returns how many there are.
-size_t pages_met(const PageTree& tree, const ResidentPages& pages, const TraceRay& ray, const TraceHit& hit,
-                 PageVisit* visits, size_t capacity);
+// Every page in [first_page, last_page) that is not resident and whose box (in every enclosing tree) the ray enters at
+// t <= hit.t. Writes at most `capacity` visits, returns how many there are; order unspecified.
+size_t pages_met(const PageTree& tree, const ResidentPages& pages, uint32_t first_page, uint32_t last_page,
+                 const TraceRay& ray, const TraceHit& hit, PageVisit* visits, size_t capacity);
 
 }  // namespace spillway::cache

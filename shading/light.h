@@ -22,7 +22,7 @@ struct Light {
   float normal_sign;    // triangle: -1 when the emitting side is opposite to cross(edge1, edge2)
   uint32_t reserved;
 };
-static_assert(sizeof(Light) == 80);
+static_assert(sizeof(Light) == 72);
 
 struct LightTable {
   std::span<const Light> lights;

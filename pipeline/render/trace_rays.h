@@ -1,0 +1,52 @@
+#pragma once
+
+// Stage trace_rays: every ray of a wave meets every page it must, resident pages first, then one sweep.
+//
+// In: hot columns of path and shadow rays, and the order (a permutation of all of them) that sort_rays chose.
+// Out: a TraceHit each, at the ray's own index.
+// Memory: tag rays: (page, ray) pairs up to pair_limit_bytes; beyond it the sweep is cut into windows of pages.
+// Order: the nearest hit is a minimum over (t, instance, prim): any order of rays, pages, windows gives the same.
+// Based on: Hyperion (Eisenacher et al. 2013) for sorted batches; PantaRay (Pantaleoni et al. 2010) for paged geometry.
+
+#include <cstdint>
+#include <span>
+
+#include "cache/part_store.h"
+#include "cache/ray.h"
+#include "cache/trace_kernel.h"
+
+namespace spillway::pipeline {
+
+struct TraceRaysOptions {
+  uint64_t pair_limit_bytes = 64 << 20;  // larger: fewer windows, fewer passes through the page tree
+  uint32_t block_rays = 512;             // rays a task
+};
+
+struct TraceRaysReport {
+  uint64_t ray_count = 0, resident_only_count = 0, pair_count = 0, window_count = 0;
+  uint64_t pages_touched = 0;  // by this wave, not resident at its start
+  cache::TraceCounters work;
+};
+
+// The pages of a store as the kernel sees them: views follow residency.
+class PageViews {
+ public:
+  explicit PageViews(cache::PartStore& pages);
+  [[nodiscard]] cache::ResidentPages resident() const { return {views_.data()}; }
+  [[nodiscard]] cache::PartStore& pages() { return *pages_; }
+
+ private:
+  cache::PartStore* pages_;
+  Buffer<cache::TracePageView> views_;
+};
+
+struct TraceBatch {
+  std::span<const cache::TraceRay> path_rays, shadow_rays;
+  std::span<cache::TraceHit> path_hits, shadow_hits;
+  std::span<const uint32_t> order;  // indices below path_rays.size() are paths, the rest shadow rays
+};
+
+Status trace_rays(const cache::PageTree& tree, PageViews& pages, const TraceBatch& batch,
+                  const TraceRaysOptions& options, TraceRaysReport& report);
+
+}  // namespace spillway::pipeline
