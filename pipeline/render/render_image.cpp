@@ -280,16 +280,6 @@ void connect(RenderState& state) {
   in.wants_aovs = state.options.aov_layers;
 }
 
-FilmOptions film_options(const RenderOptions& options) {
-  FilmOptions film;
-  film.full_width = options.settings.camera.resolution_x_px;
-  film.full_height = options.settings.camera.resolution_y_px;
-  film.window = pixel_window(options.settings);
-  film.aov_layers = options.aov_layers;
-  film.seed = options.settings.render.seed;
-  return film;
-}
-
 void fill_report(const RenderState& state, const cache::ProcessIo& before, RenderReport& report) {
   report.plan = state.plan;
   report.pages = state.page_parts->counters();
@@ -315,6 +305,16 @@ void fill_report(const RenderState& state, const cache::ProcessIo& before, Rende
 
 }  // namespace
 
+FilmOptions film_options(const SceneSettings& settings, bool aov_layers) {
+  FilmOptions film;
+  film.full_width = settings.camera.resolution_x_px;
+  film.full_height = settings.camera.resolution_y_px;
+  film.window = pixel_window(settings);
+  film.aov_layers = aov_layers;
+  film.seed = settings.render.seed;
+  return film;
+}
+
 PixelWindow pixel_window(const SceneSettings& settings) {
   const FilmSettings& film = settings.film;
   if (film.crop_x1 > film.crop_x0) return {film.crop_x0, film.crop_y0, film.crop_x1, film.crop_y1};
@@ -334,7 +334,7 @@ SceneFacts scene_facts(const Store& store, const RenderOptions& options) {
   facts.texture_bytes = cache::TextureCache::bytes_for_all(store.images());
   facts.image_count = store.images().size();
   facts.table_bytes = store.table_bytes();
-  facts.film_bytes = Film::bytes(film_options(options));
+  facts.film_bytes = Film::bytes(film_options(options.settings, options.aov_layers));
   facts.pixel_count = pixel_window(options.settings).pixel_count();
   facts.samples_per_pixel = options.settings.render.samples_per_pixel;
   facts.max_depth = options.settings.render.max_depth;
@@ -352,7 +352,7 @@ Result<RenderedImage> render_image(const Store& store, const RenderOptions& opti
   SPILLWAY_TRY(open_scratch(state));
   SPILLWAY_TRY(open_geometry(state));
   SPILLWAY_TRY(open_textures(state));
-  state.film = std::make_unique<Film>(film_options(options));
+  state.film = std::make_unique<Film>(film_options(options.settings, options.aov_layers));
   connect(state);
 
   RenderedImage image;

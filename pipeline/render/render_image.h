@@ -55,6 +55,7 @@ struct RenderedImage {
 
 // What the plan needs to know of a store and a frame.
 [[nodiscard]] SceneFacts scene_facts(const Store& store, const RenderOptions& options);
+[[nodiscard]] FilmOptions film_options(const SceneSettings& settings, bool aov_layers);
 [[nodiscard]] PixelWindow pixel_window(const SceneSettings& settings);
 
 // Renders on the threads of the calling arena.
