@@ -60,6 +60,7 @@ shading::BsdfParams leaf_bsdf(const Material& m, const LeafParams& p) {
   b.alpha_x = alpha_of(m, p[kURoughness]), b.alpha_y = alpha_of(m, p[kVRoughness]);
   b.base_alpha_x = alpha_of(m, p[kBaseURoughness]), b.base_alpha_y = alpha_of(m, p[kBaseVRoughness]);
   b.eta = m.eta;
+  if (b.kind == shading::BsdfKind::coated_diffuse) b.coat_internal_reflectance = m.coat_internal_reflectance;
   b.reflectance = unit(p[kReflectance]);
   b.conductor_eta = p[kEta], b.conductor_k = p[kK];
   if (m.uses_reflectance) {
