@@ -80,11 +80,16 @@ class PlyReader {
   }
 
  private:
+  // Where the next value begins.
+  Result<uint64_t> value_offset() {
+    while (header_.format == PlyFormat::ascii && is_space(bytes_.peek())) SPILLWAY_TRY(drop_byte());
+    return bytes_.offset();
+  }
+
   Result<double> ascii_value() {
-    while (is_space(bytes_.peek())) SPILLWAY_TRY(drop_byte());
+    SPILLWAY_ASSIGN(const uint64_t offset, value_offset());
     char text[64];
     size_t size = 0;
-    const uint64_t offset = bytes_.offset();
     for (int c = bytes_.peek(); c >= 0 && !is_space(c); c = bytes_.peek()) {
       if (size == sizeof(text)) return bytes_.fail_at(offset, "a word that is no number");
       text[size++] = static_cast<char>(c);
@@ -112,7 +117,7 @@ class PlyReader {
   }
 
   Result<uint32_t> whole(PlyType type, std::string_view what) {
-    const uint64_t offset = bytes_.offset();
+    SPILLWAY_ASSIGN(const uint64_t offset, value_offset());
     SPILLWAY_ASSIGN(const double number, value(type));
     if (number >= 0 && number <= std::numeric_limits<uint32_t>::max() && std::floor(number) == number) {
       return static_cast<uint32_t>(number);
@@ -180,7 +185,7 @@ class PlyReader {
   }
 
   Status read_face(const PlyProperty& property) {
-    const uint64_t offset = bytes_.offset();
+    SPILLWAY_ASSIGN(const uint64_t offset, value_offset());
     SPILLWAY_ASSIGN(const uint32_t count, whole(property.count_type, "the count of corners"));
     if (count != 3 && count != 4) {
       return bytes_.fail_at(offset, fmt::format("a face of {} corners: triangulate the mesh first", count));

@@ -1,5 +1,6 @@
 #include "tools/import/ply_header.h"
 
+#include <algorithm>
 #include <array>
 #include <cerrno>
 #include <charconv>
@@ -12,6 +13,8 @@ namespace {
 constexpr size_t kPieceBytes = 256 << 10;
 // Of a header. Far above any exporter's; a bomb otherwise.
 constexpr size_t kMaxLineBytes = 4096, kMaxLines = 4096, kMaxElements = 64, kMaxProperties = 256;
+
+constexpr std::string_view kNoPly = "not a PLY file: its first line is not \"ply\"";
 
 Result<std::string> read_line(PlyBytes& bytes) {
   std::string line;
@@ -147,7 +150,7 @@ Result<PlyBytes> PlyBytes::open(const std::filesystem::path& file) {
   if (code) return error("{}: {}: check the path", bytes.name_, code.message());
   bytes.stream_.reset(std::fopen(file.c_str(), "rb"));
   if (!bytes.stream_) return error("{}: {}: check the path", bytes.name_, std::strerror(errno));
-  bytes.piece_.resize(kPieceBytes);
+  bytes.piece_.resize(std::min(kPieceBytes, std::max<size_t>(bytes.size_, kMaxTake)));
   return bytes;
 }
 
@@ -180,8 +183,9 @@ size_t size_bytes(PlyType type) {
 
 Result<PlyHeader> read_ply_header(PlyBytes& bytes) {
   if (bytes.peek() == 0x1f) return bytes.fail("is gzip-compressed, or no PLY file: decompress it first");
+  if (bytes.peek() >= 0 && bytes.peek() != 'p') return bytes.fail(kNoPly);
   SPILLWAY_ASSIGN(const std::string magic, read_line(bytes));
-  if (magic != "ply") return bytes.fail_at(0, "not a PLY file: its first line is not \"ply\"");
+  if (magic != "ply") return bytes.fail_at(0, kNoPly);
   PlyHeader header;
   bool has_format = false;
   for (size_t i = 0; i < kMaxLines; ++i) {
