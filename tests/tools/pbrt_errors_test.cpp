@@ -18,7 +18,8 @@ struct Case {
 void expect_errors(const std::vector<Case>& cases) {
   for (const Case& c : cases) {
     const Imported imported = import_text(c.text);
-    EXPECT_TRUE(starts_with(imported.error, c.want)) << c.text << "\n  said:   " << imported.error << "\n  wanted: " << c.want;
+    EXPECT_TRUE(starts_with(imported.error, c.want))
+        << c.text << "\n  said:   " << imported.error << "\n  wanted: " << c.want;
   }
 }
 
@@ -49,7 +50,8 @@ TEST(pbrt_errors, parameters_are_typed_and_used) {
        "scene.pbrt:2:2: \"fov\" of Camera \"perspective\" has type float, not integer"},
       {"Camera \"perspective\" \"float fox\" 30\nWorldBegin",
        "scene.pbrt:1:22: Camera \"perspective\" has no parameter \"float fox\""},
-      {"Camera \"perspective\" \"float fov\" [ 30 40 ]\nWorldBegin", "scene.pbrt:1:22: \"float fov\" takes 1 value, not 2"},
+      {"Camera \"perspective\" \"float fov\" [ 30 40 ]\nWorldBegin",
+       "scene.pbrt:1:22: \"float fov\" takes 1 value, not 2"},
       {"Camera \"perspective\" \"float fov\" [ 30 \"x\" ]", "scene.pbrt:1:39: \"x\" instead of a finite number"},
       {"Camera \"perspective\" \"float fov\" 1e300", "scene.pbrt:1:34: 1e300 is no value for \"float fov\""},
       {"Camera \"perspective\" \"float fov\" [ 30", "scene.pbrt:1:34: [ of \"fov\" is never closed"},
@@ -84,7 +86,12 @@ TEST(pbrt_errors, directives_belong_somewhere) {
       {"ActiveTransform StartTime", "scene.pbrt:1:17: ActiveTransform StartTime: motion"},
       {"TransformTimes 0 1", "scene.pbrt:1:1: TransformTimes: motion"},
       {"WorldBegin MediumInterface \"fog\" \"\"", "scene.pbrt:1:12: MediumInterface: media"},
-      {"WorldBegin\n" + [] { std::string s; for (int i = 0; i < 1100; ++i) s += "AttributeBegin\n"; return s; }(),
+      {"WorldBegin\n" +
+           [] {
+             std::string s;
+             for (int i = 0; i < 1100; ++i) s += "AttributeBegin\n";
+             return s;
+           }(),
        "scene.pbrt:1026:1: scopes nest more than 1024 deep"},
   });
 }
@@ -100,7 +107,8 @@ TEST(pbrt_errors, transforms_must_have_an_inverse) {
       {"Transform 1 0 0 0", "scene.pbrt:1:11: Transform takes [ 16 numbers ], not 1"},
       {"Transform [ 1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1 7 ]", "scene.pbrt:1:45: Transform takes 16 numbers: ] expected"},
       {"Transform [ 1 0 0 1 0 1 0 0 0 0 1 0 0 0 0 1 ]", "scene.pbrt:1:1: Transform is not affine"},
-      {"ConcatTransform [ 1 0 0 0 0 1 0 0 1 1 0 0 0 0 0 1 ]", "scene.pbrt:1:1: ConcatTransform makes the transform singular"},
+      {"ConcatTransform [ 1 0 0 0 0 1 0 0 1 1 0 0 0 0 0 1 ]",
+       "scene.pbrt:1:1: ConcatTransform makes the transform singular"},
       {"CoordSysTransform \"nowhere\"", "scene.pbrt:1:19: there is no coordinate system \"nowhere\""},
   });
 }
@@ -109,7 +117,8 @@ TEST(pbrt_errors, settings_are_checked) {
   expect_errors({
       {"Camera \"spherical\" WorldBegin", "scene.pbrt:1:8: camera \"spherical\" is not supported"},
       {"Camera \"perspective\" \"float fov\" 180 WorldBegin", "scene.pbrt:1:22: \"fov\" must be between 0 and 180"},
-      {"Camera \"perspective\" \"float screenwindow\" [1 -1 0 1] WorldBegin", "scene.pbrt:1:22: \"screenwindow\" takes"},
+      {"Camera \"perspective\" \"float screenwindow\" [1 -1 0 1] WorldBegin",
+       "scene.pbrt:1:22: \"screenwindow\" takes"},
       {"Camera \"perspective\" \"float shutterclose\" 0 WorldBegin", "scene.pbrt:1:8: the shutter must close"},
       {"Film \"rgb\" \"integer xresolution\" 0 WorldBegin", "scene.pbrt:1:6: a resolution of 0 x 720"},
       {"Film \"rgb\" \"float iso\" 0 WorldBegin", "scene.pbrt:1:6: the film gathers no light"},
@@ -132,16 +141,23 @@ TEST(pbrt_errors, names_must_be_known_and_defined_once) {
       {"WorldBegin\nNamedMaterial \"m\"\n" + triangle, "scene.pbrt:2:15: there is no material \"m\""},
       {"WorldBegin\nMaterial \"diffuse\" \"texture reflectance\" \"t\"\n" + triangle,
        "scene.pbrt:2:20: there is no spectrum texture \"t\""},
-      {"WorldBegin Texture \"t\" \"float\" \"constant\"\nMaterial \"diffuse\" \"texture reflectance\" \"t\"\n" + triangle,
+      {"WorldBegin Texture \"t\" \"float\" \"constant\"\nMaterial \"diffuse\" \"texture reflectance\" \"t\"\n" +
+           triangle,
        "scene.pbrt:2:20: there is no spectrum texture \"t\""},
       {"WorldBegin Texture \"t\" \"float\" \"constant\"\nTexture \"t\" \"float\" \"constant\"",
        "scene.pbrt:2:9: texture \"t\" is defined twice (first at scene.pbrt:1:32)"},
-      {"WorldBegin MakeNamedMaterial \"m\" \"string type\" \"diffuse\"\nMakeNamedMaterial \"m\" \"string type\" \"diffuse\"",
+      {"WorldBegin MakeNamedMaterial \"m\" \"string type\" \"diffuse\"\nMakeNamedMaterial \"m\" \"string type\" "
+       "\"diffuse\"",
        "scene.pbrt:2:19: material \"m\" is defined twice (first at scene.pbrt:1:30)"},
       {"WorldBegin MakeNamedMaterial \"m\"", "scene.pbrt:1:30: MakeNamedMaterial \"m\" has no \"string type\""},
-      {"WorldBegin Texture \"a\" \"float\" \"scale\" \"texture tex\" \"b\" Texture \"b\" \"float\" \"scale\" \"texture tex\" \"a\"\n"
-       "Material \"diffuse\" \"texture displacement\" \"a\"\n" + triangle, "scene.pbrt:1:86: texture \"a\" uses itself"},
-      {"WorldBegin MakeNamedMaterial \"m\" \"string type\" \"mix\" \"string materials\" [\"m\" \"m\"]\nNamedMaterial \"m\"\n" + triangle,
+      {"WorldBegin Texture \"a\" \"float\" \"scale\" \"texture tex\" \"b\" Texture \"b\" \"float\" \"scale\" \"texture "
+       "tex\" \"a\"\n"
+       "Material \"diffuse\" \"texture displacement\" \"a\"\n" +
+           triangle,
+       "scene.pbrt:1:86: texture \"a\" uses itself"},
+      {"WorldBegin MakeNamedMaterial \"m\" \"string type\" \"mix\" \"string materials\" [\"m\" \"m\"]\nNamedMaterial "
+       "\"m\"\n" +
+           triangle,
        "scene.pbrt:1:30: material \"m\" uses itself"},
       {"WorldBegin Texture \"t\" \"color\" \"constant\"", "scene.pbrt:1:24: a texture holds \"float\" or \"spectrum\""},
   });
@@ -157,14 +173,17 @@ TEST(pbrt_errors, long_chains_of_textures_end_before_the_stack_does) {
 }
 
 TEST(pbrt_errors, materials_are_checked) {
-  const auto with = [](const std::string& material) { return "WorldBegin\nMaterial " + material + "\n" + std::string(kTriangle); };
+  const auto with = [](const std::string& material) {
+    return "WorldBegin\nMaterial " + material + "\n" + std::string(kTriangle);
+  };
   expect_errors({
       {with("\"hair\""), "scene.pbrt:2:10: material type \"hair\" is not supported"},
       {with("\"interface\""), "scene.pbrt:2:10: material \"interface\" bounds a medium"},
       {with("\"diffuse\" \"rgb reflectance\" [1 2 0]"), "scene.pbrt:2:20: \"reflectance\" must not be above 1"},
       {with("\"diffuse\" \"rgb reflectance\" [-1 0 0]"), "scene.pbrt:2:20: \"reflectance\" must not be negative"},
       {with("\"diffuse\" \"rgb reflectance\" [1 0]"), "scene.pbrt:2:20: \"rgb reflectance\" takes 3 values, not 2"},
-      {with("\"diffuse\" \"float roughness\" 1"), "scene.pbrt:2:20: Material \"diffuse\" has no parameter \"float roughness\""},
+      {with("\"diffuse\" \"float roughness\" 1"),
+       "scene.pbrt:2:20: Material \"diffuse\" has no parameter \"float roughness\""},
       {with("\"diffuse\" \"spectrum reflectance\" [400 1 700 1]"), "scene.pbrt:2:20: \"reflectance\" as a spectrum"},
       {with("\"diffuse\" \"string normalmap\" \"n.png\""), "scene.pbrt:2:20: normal maps are not supported"},
       {with("\"conductor\" \"spectrum eta\" \"metal-Fe-eta\""), "scene.pbrt:2:22: unknown spectrum \"metal-Fe-eta\""},
@@ -180,15 +199,16 @@ TEST(pbrt_errors, materials_are_checked) {
 
 TEST(pbrt_errors, textures_are_checked) {
   const auto with = [](const std::string& texture) {
-    return "WorldBegin\nTexture \"t\" \"spectrum\" " + texture + "\nMaterial \"diffuse\" \"texture reflectance\" \"t\"\n" +
-           std::string(kTriangle);
+    return "WorldBegin\nTexture \"t\" \"spectrum\" " + texture +
+           "\nMaterial \"diffuse\" \"texture reflectance\" \"t\"\n" + std::string(kTriangle);
   };
   expect_errors({
       {with("\"marble\""), "scene.pbrt:2:24: texture type \"marble\" of \"t\" is not supported"},
       {with("\"imagemap\""), "scene.pbrt:2:24: imagemap without \"string filename\""},
       {with("\"imagemap\" \"string filename\" \"a.png\" \"string mapping\" \"planar\""),
        "scene.pbrt:2:61: mapping \"planar\" is not supported"},
-      {with("\"imagemap\" \"string filename\" \"a.png\" \"string wrap\" \"octahedralsphere\""), "scene.pbrt:2:61: wrap"},
+      {with("\"imagemap\" \"string filename\" \"a.png\" \"string wrap\" \"octahedralsphere\""),
+       "scene.pbrt:2:61: wrap"},
       {with("\"imagemap\" \"string filename\" \"a.png\" \"string filter\" \"box\""), "scene.pbrt:2:61: unknown filter"},
       {with("\"imagemap\" \"string filename\" \"a.png\" \"string encoding\" \"gamma 2\""), "scene.pbrt:2:61: encoding"},
       {with("\"imagemap\" \"string filename\" \"a.png\" \"float gain\" 2"),
@@ -199,16 +219,20 @@ TEST(pbrt_errors, textures_are_checked) {
 TEST(pbrt_errors, lights_are_checked) {
   expect_errors({
       {"WorldBegin LightSource \"projection\"", "scene.pbrt:1:24: light \"projection\" is not supported"},
-      {"WorldBegin LightSource \"infinite\" \"string filename\" \"a.exr\"", "scene.pbrt:1:35: infinite lights with an image"},
-      {"WorldBegin LightSource \"point\" \"rgb L\" [1 1 1]", "scene.pbrt:1:32: LightSource \"point\" has no parameter \"rgb L\""},
+      {"WorldBegin LightSource \"infinite\" \"string filename\" \"a.exr\"",
+       "scene.pbrt:1:35: infinite lights with an image"},
+      {"WorldBegin LightSource \"point\" \"rgb L\" [1 1 1]",
+       "scene.pbrt:1:32: LightSource \"point\" has no parameter \"rgb L\""},
       {"WorldBegin LightSource \"point\" \"rgb I\" [1 1 -1]", "scene.pbrt:1:32: \"I\" must not be negative"},
       {"WorldBegin LightSource \"point\" \"blackbody I\" 3", "scene.pbrt:1:32: \"blackbody I\" takes 500"},
-      {"WorldBegin LightSource \"point\" \"spectrum I\" \"stdillum-F7\"", "scene.pbrt:1:32: spectrum \"stdillum-F7\" is not known"},
+      {"WorldBegin LightSource \"point\" \"spectrum I\" \"stdillum-F7\"",
+       "scene.pbrt:1:32: spectrum \"stdillum-F7\" is not known"},
       {"WorldBegin LightSource \"distant\" \"point3 from\" [0 0 1]", "scene.pbrt:1:24: \"from\" and \"to\""},
       {"WorldBegin LightSource \"spot\" \"float coneangle\" 0", "scene.pbrt:1:24: a spot takes a coneangle"},
       {"WorldBegin LightSource \"point\" \"float scale\" -1", "scene.pbrt:1:32: \"scale\" of a light"},
       {"WorldBegin AreaLightSource \"projective\"", "scene.pbrt:1:28: area light \"projective\""},
-      {"WorldBegin AreaLightSource \"diffuse\" \"string filename\" \"a\"", "scene.pbrt:1:38: area lights with an image"},
+      {"WorldBegin AreaLightSource \"diffuse\" \"string filename\" \"a\"",
+       "scene.pbrt:1:38: area lights with an image"},
       {"WorldBegin ObjectBegin \"o\" AreaLightSource \"diffuse\"\n" + std::string(kTriangle),
        "scene.pbrt:2:1: area lights inside objects are not supported yet"},
   });
@@ -218,8 +242,10 @@ TEST(pbrt_errors, shapes_are_checked) {
   expect_errors({
       {"WorldBegin Shape \"sphere\"", "scene.pbrt:1:18: shape \"sphere\" is not supported"},
       {"WorldBegin Shape \"trianglemesh\"", "scene.pbrt:1:12: trianglemesh without \"point3 P\""},
-      {"WorldBegin Shape \"trianglemesh\" \"point3 P\" [0 0]", "scene.pbrt:1:33: \"P\" takes three numbers a vertex, not 2"},
-      {"WorldBegin Shape \"trianglemesh\" \"point3 P\" [0 0 0]", "scene.pbrt:1:12: trianglemesh without \"integer indices\""},
+      {"WorldBegin Shape \"trianglemesh\" \"point3 P\" [0 0]",
+       "scene.pbrt:1:33: \"P\" takes three numbers a vertex, not 2"},
+      {"WorldBegin Shape \"trianglemesh\" \"point3 P\" [0 0 0]",
+       "scene.pbrt:1:12: trianglemesh without \"integer indices\""},
       {"WorldBegin Shape \"trianglemesh\" \"point3 P\" [0 0 0] \"integer indices\" [0 0 1]",
        "scene.pbrt:1:52: \"indices\" names vertex 1 of 1"},
       {"WorldBegin Shape \"trianglemesh\" \"point3 P\" [0 0 0] \"integer indices\" [0 0 -1]",
@@ -230,7 +256,8 @@ TEST(pbrt_errors, shapes_are_checked) {
        "scene.pbrt:1:64: \"normal N\" takes 9 values, not 3"},
       {"WorldBegin Shape \"plymesh\"", "scene.pbrt:1:12: plymesh without \"string filename\""},
       {"WorldBegin Shape \"plymesh\" \"string filename\" \"none.ply\"", "scene.pbrt:1:28: none.ply: No such file"},
-      {"WorldBegin Shape \"plymesh\" \"string filename\" \"scene.pbrt\"", "scene.pbrt:1:28: scene.pbrt: byte 0: not a PLY file"},
+      {"WorldBegin Shape \"plymesh\" \"string filename\" \"scene.pbrt\"",
+       "scene.pbrt:1:28: scene.pbrt: byte 0: not a PLY file"},
   });
 }
 
@@ -242,7 +269,16 @@ TEST(pbrt_errors, includes_that_loop_or_explode_are_refused) {
   for (int i = 0; i < 40; ++i) {
     write_file(fmt::format("deep{}.pbrt", i), fmt::format("Include \"deep{}.pbrt\"", i + 1));
   }
-  EXPECT_TRUE(starts_with(import_text("Include \"deep0.pbrt\"").error, "deep30.pbrt:1:9: files include one another more than"));
+  EXPECT_TRUE(
+      starts_with(import_text("Include \"deep0.pbrt\"").error, "deep30.pbrt:1:9: files include one another more than"));
+}
+
+TEST(pbrt_errors, parameters_and_attributes_are_not_without_number) {
+  std::string one = "Camera \"perspective\"", many;
+  for (int i = 0; i < 300; ++i) one += fmt::format("\n\"float p{}\" 1", i);
+  for (int i = 0; i < 300; ++i) many += fmt::format("Attribute \"shape\" \"float p{}\" 1\n", i);
+  expect_errors(
+      {{one, "scene.pbrt:258:1: more than 256 parameters"}, {many, "scene.pbrt:257:11: more than 256 attributes"}});
 }
 
 TEST(pbrt_errors, folders_and_compressed_files_are_named) {
@@ -257,8 +293,8 @@ TEST(pbrt_errors, lenient_leaves_out_what_can_be_left_out) {
   const std::string text =
       "Sprocket \"a\" \"float b\" [ 1 2 ] 3 true\nCamera \"perspective\" \"float fox\" 30\nWorldBegin\n"
       "MakeNamedMedium \"fog\" \"string type\" \"homogeneous\"\nMediumInterface \"fog\" \"\"\n"
-      "LightSource \"projection\"\nShape \"sphere\" \"float radius\" 3\nMaterial \"hair\"\n" + std::string(kTriangle) +
-      "Material \"interface\"\n" + std::string(kTriangle);
+      "LightSource \"projection\"\nShape \"sphere\" \"float radius\" 3\nMaterial \"hair\"\n" +
+      std::string(kTriangle) + "Material \"interface\"\n" + std::string(kTriangle);
   EXPECT_EQ(import_text(text).error.substr(0, 15), "scene.pbrt:1:1:");
   const Imported imported = import_text(text, true);
   EXPECT_EQ(imported.error, "");

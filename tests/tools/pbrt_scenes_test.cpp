@@ -13,8 +13,8 @@ namespace {
 
 std::filesystem::path shared_scene(const char* name) {
   const char* shared = std::getenv("SPILLWAY_SHARED");
-  const std::filesystem::path root = shared != nullptr ? std::filesystem::path(shared)
-                                                       : std::filesystem::path(SPILLWAY_SOURCE_DIR) / ".." / "shared";
+  const std::filesystem::path root =
+      shared != nullptr ? std::filesystem::path(shared) : std::filesystem::path(SPILLWAY_SOURCE_DIR) / ".." / "shared";
   return root / "scenes" / name / (std::string(name) + ".pbrt");
 }
 

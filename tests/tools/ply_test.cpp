@@ -37,10 +37,14 @@ void put(std::string& bytes, Format format, T value) {
 
 // Five vertices with normals, uvs and a property to skip; one triangle, one quad; elements to skip before and after.
 std::string sample(Format format) {
-  std::string b = "ply\nformat " + format_name(format) + " 1.0\ncomment by hand\nobj_info nothing\nelement camera 1\n"
+  std::string b =
+      "ply\nformat " + format_name(format) +
+      " 1.0\ncomment by hand\nobj_info nothing\nelement camera 1\n"
       "property list uchar double view\nelement vertex 5\nproperty float x\nproperty double y\nproperty float z\n"
-      "property uchar red\nproperty float nx\nproperty float ny\nproperty float nz\nproperty float u\nproperty float v\n"
-      "element face 2\nproperty int face_indices\nproperty list uchar int vertex_indices\nproperty list uint8 short flags\n"
+      "property uchar red\nproperty float nx\nproperty float ny\nproperty float nz\nproperty float u\nproperty float "
+      "v\n"
+      "element face 2\nproperty int face_indices\nproperty list uchar int vertex_indices\nproperty list uint8 short "
+      "flags\n"
       "element edge 1\nproperty ushort a\nelement nothing 1000000000000\nend_header\n";
   put(b, format, uint8_t{2}), put(b, format, 0.5), put(b, format, 1.5);
   for (int i = 0; i < 5; ++i) {
@@ -104,7 +108,8 @@ TEST_P(PlyFormats, every_flipped_bit_is_survived) {
   const std::string bytes = sample(GetParam());
   const size_t header_bits = 8 * bytes.find("end_header");
   size_t refused = 0, tried = 0;
-  for (size_t bit = 0; bit < 8 * bytes.size(); bit += bit < header_bits ? 3 : 1) {  // a header flip breaks a word anyway
+  for (size_t bit = 0; bit < 8 * bytes.size();
+       bit += bit < header_bits ? 3 : 1) {  // a header flip breaks a word anyway
     std::string damaged = bytes;
     damaged[bit / 8] = static_cast<char>(damaged[bit / 8] ^ (1 << bit % 8));
     const Result<PlyMesh> mesh = read_ply(file_of(damaged));
@@ -117,8 +122,9 @@ TEST_P(PlyFormats, every_flipped_bit_is_survived) {
   EXPECT_GT(refused, tried / 4);  // the header's; flipped coordinates are coordinates
 }
 
-std::string ascii_file(const std::string& vertex_properties, const std::string& vertices, const std::string& face_property,
-                       const std::string& faces, int vertex_count = 3, int face_count = 1) {
+std::string ascii_file(const std::string& vertex_properties, const std::string& vertices,
+                       const std::string& face_property, const std::string& faces, int vertex_count = 3,
+                       int face_count = 1) {
   return fmt::format("ply\nformat ascii 1.0\nelement vertex {}\n{}element face {}\n{}end_header\n{}{}", vertex_count,
                      vertex_properties, face_count, face_property, vertices, faces);
 }
@@ -204,13 +210,17 @@ TEST(ply, malformed_headers_are_refused) {
   EXPECT_NE(header(ascii + "element vertex 0\nproperty half x\n").find("unknown type"), std::string::npos);
   EXPECT_NE(header(ascii + "element vertex 0\nproperty list float int x\n").find("whole type"), std::string::npos);
   EXPECT_NE(header(ascii + "element vertex 0\nelement vertex 0\n").find("element given twice"), std::string::npos);
-  EXPECT_NE(header(ascii + "element vertex 0\n" + kXyz + "property float x\n").find("property given twice"), std::string::npos);
-  EXPECT_NE(header(ascii + "element vertex 0\n" + kXyz).find("no element \"vertex\", or no element \"face\""), std::string::npos);
+  EXPECT_NE(header(ascii + "element vertex 0\n" + kXyz + "property float x\n").find("property given twice"),
+            std::string::npos);
+  EXPECT_NE(header(ascii + "element vertex 0\n" + kXyz).find("no element \"vertex\", or no element \"face\""),
+            std::string::npos);
   EXPECT_NE(header(ascii + "element vertex 0\nproperty float x\n").find("without x, y and z"), std::string::npos);
   EXPECT_NE(header(ascii + "element face 0\nproperty int vertex_index\n").find("must be a list"), std::string::npos);
-  EXPECT_NE(header(ascii + "element face 0\nproperty list uchar float vertex_index\n").find("must be a list"), std::string::npos);
+  EXPECT_NE(header(ascii + "element face 0\nproperty list uchar float vertex_index\n").find("must be a list"),
+            std::string::npos);
   EXPECT_NE(header(ascii + "element face 0\n").find("without the list"), std::string::npos);
-  EXPECT_NE(header(ascii + "element vertex 0\n" + kXyz + "property float u\nproperty float s\n").find("says again"), std::string::npos);
+  EXPECT_NE(header(ascii + "element vertex 0\n" + kXyz + "property float u\nproperty float s\n").find("says again"),
+            std::string::npos);
   EXPECT_NE(header(ascii + "wibble\n").find("unknown keyword"), std::string::npos);
   EXPECT_NE(header(ascii + "comment " + std::string(5000, 'x') + "\n").find("line without end"), std::string::npos);
   std::string many = ascii;

@@ -25,7 +25,10 @@ TEST(spectra, black_bodies_have_the_chromaticities_of_the_planckian_locus) {
   struct {
     float kelvin;
     Chromaticity want;
-  } cases[] = {{2000, {0.5267, 0.4133}}, {2856, {0.4476, 0.4074}}, {4000, {0.3805, 0.3768}}, {6500, {0.3135, 0.3237}},
+  } cases[] = {{2000, {0.5267, 0.4133}},
+               {2856, {0.4476, 0.4074}},
+               {4000, {0.3805, 0.3768}},
+               {6500, {0.3135, 0.3237}},
                {10000, {0.2807, 0.2884}}};
   for (const auto& c : cases) {
     const Chromaticity got = chromaticity(blackbody_rgb(c.kelvin));
@@ -97,9 +100,9 @@ TEST(spectra, oxides_follow_their_dispersion_formulas) {
   const Rgb mgo = *metal_rgb("metal-MgO-eta"), tio2 = *metal_rgb("metal-TiO2-eta");
   for (int i = 0; i < 3; ++i) {
     const double l2 = std::pow(kRgbWavelengths_nm[i] / 1000.0, 2);  // square micrometres
-    const double stephens_malitson = std::sqrt(1 + 1.111033 * l2 / (l2 - 0.0712465 * 0.0712465) +
-                                               0.8460085 * l2 / (l2 - 0.1375204 * 0.1375204) +
-                                               7.808527 * l2 / (l2 - 26.89302 * 26.89302));
+    const double stephens_malitson =
+        std::sqrt(1 + 1.111033 * l2 / (l2 - 0.0712465 * 0.0712465) + 0.8460085 * l2 / (l2 - 0.1375204 * 0.1375204) +
+                  7.808527 * l2 / (l2 - 26.89302 * 26.89302));
     const double devore = std::sqrt(7.197 + 0.3322 / (l2 - 0.0843));
     // Linear interpolation between tabulated wavelengths.
     EXPECT_NEAR(i == 0 ? mgo.r : i == 1 ? mgo.g : mgo.b, stephens_malitson, 0.002) << i;

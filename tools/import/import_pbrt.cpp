@@ -17,6 +17,7 @@
 #include "tools/import/textures.h"
 #include "tools/import/tokens.h"
 #include "tools/import/transform.h"
+#include "tools/import/transform_directives.h"
 
 namespace spillway::tools {
 namespace {
@@ -91,7 +92,8 @@ class Importer {
     }
     const std::string* name = &session_.file_names.emplace_back(path.string());
     Result<std::unique_ptr<Tokenizer>> tokens = Tokenizer::open(path, name);
-    if (!tokens) return included_by == nullptr ? tokens.error() : error_at(included_by->place, "{}", tokens.error().message);
+    if (!tokens)
+      return included_by == nullptr ? tokens.error() : error_at(included_by->place, "{}", tokens.error().message);
     open_files_.push_back(canonical);
     SPILLWAY_TRY(run_tokens(**tokens));
     open_files_.pop_back();
@@ -117,7 +119,8 @@ class Importer {
       }
       return (this->*directive.handler)(tokens, token);
     }
-    if (token.kind != TokenKind::word) return error_at(token.place, "{} where a directive is expected", to_string(token));
+    if (token.kind != TokenKind::word)
+      return error_at(token.place, "{} where a directive is expected", to_string(token));
     SPILLWAY_TRY(session_.ignorable(token.place, "unknown directive {}", to_string(token)));
     return skip_arguments(tokens);
   }
@@ -152,7 +155,8 @@ class Importer {
   // ---- scopes ----
 
   Status push_scope(const Token& directive) {
-    if (scopes_.size() == kMaxAttributeDepth) return error_at(directive.place, "scopes nest more than {} deep", kMaxAttributeDepth);
+    if (scopes_.size() == kMaxAttributeDepth)
+      return error_at(directive.place, "scopes nest more than {} deep", kMaxAttributeDepth);
     scopes_.push_back({directive, state_});
     return {};
   }
@@ -185,11 +189,15 @@ class Importer {
     SPILLWAY_ASSIGN(ParamList added, read_params(tokens));
     const auto at = std::find(kTargetNames.begin(), kTargetNames.end(), target.text);
     if (at == kTargetNames.end()) {
-      return error_at(target.place, "unknown target {}: use \"shape\", \"light\", \"material\", \"medium\" or \"texture\"",
+      return error_at(target.place,
+                      "unknown target {}: use \"shape\", \"light\", \"material\", \"medium\" or \"texture\"",
                       to_string(target));
     }
     std::shared_ptr<const ParamList>& kept = state_.attributes[static_cast<size_t>(at - kTargetNames.begin())];
     if (kept) added.inherit(*kept);  // what is said later wins
+    if (added.parameters.size() > kMaxParameters) {
+      return error_at(target.place, "more than {} attributes of one kind", kMaxParameters);
+    }
     kept = std::make_shared<const ParamList>(std::move(added));
     return {};
   }
@@ -202,54 +210,9 @@ class Importer {
 
   // ---- transforms ----
 
-  Status set_transform(const Transform& transform, const Token& directive) {
-    if (!transform.is_invertible()) {
-      return error_at(directive.place, "{} makes the transform singular or infinite: it has no inverse", directive.text);
-    }
-    state_.transform = transform;
+  Status transform(Tokenizer& tokens, const Token& directive) {
+    SPILLWAY_ASSIGN(state_.transform, read_transform(tokens, directive, state_.transform));
     return {};
-  }
-
-  Status identity(Tokenizer&, const Token& directive) { return set_transform({}, directive); }
-
-  Status translate(Tokenizer& tokens, const Token& directive) {
-    SPILLWAY_ASSIGN(const std::vector<double> v, read_numbers(tokens, 3, false, directive.text));
-    return set_transform(state_.transform * translation({v[0], v[1], v[2]}), directive);
-  }
-
-  Status scale(Tokenizer& tokens, const Token& directive) {
-    SPILLWAY_ASSIGN(const std::vector<double> v, read_numbers(tokens, 3, false, directive.text));
-    return set_transform(state_.transform * scaling({v[0], v[1], v[2]}), directive);
-  }
-
-  Status rotate(Tokenizer& tokens, const Token& directive) {
-    SPILLWAY_ASSIGN(const std::vector<double> v, read_numbers(tokens, 4, false, directive.text));
-    const std::optional<Transform> turn = rotation(v[0], {v[1], v[2], v[3]});
-    if (!turn) return error_at(directive.place, "Rotate about an axis of length zero");
-    return set_transform(state_.transform * *turn, directive);
-  }
-
-  Status look(Tokenizer& tokens, const Token& directive) {
-    SPILLWAY_ASSIGN(const std::vector<double> v, read_numbers(tokens, 9, false, directive.text));
-    const std::optional<Transform> view = look_at({v[0], v[1], v[2]}, {v[3], v[4], v[5]}, {v[6], v[7], v[8]});
-    if (!view) return error_at(directive.place, "LookAt: the eye is the target, or the view is along the up vector");
-    return set_transform(state_.transform * *view, directive);
-  }
-
-  Result<Transform> read_matrix(Tokenizer& tokens, const Token& directive) {
-    SPILLWAY_ASSIGN(const std::vector<double> columns, read_numbers(tokens, 16, true, directive.text));
-    if (const std::optional<Transform> matrix = from_columns(columns)) return *matrix;
-    return error_at(directive.place, "{} is not affine: every fourth number must be 0, the last one not", directive.text);
-  }
-
-  Status set_matrix(Tokenizer& tokens, const Token& directive) {
-    SPILLWAY_ASSIGN(const Transform matrix, read_matrix(tokens, directive));
-    return set_transform(matrix, directive);
-  }
-
-  Status concatenate(Tokenizer& tokens, const Token& directive) {
-    SPILLWAY_ASSIGN(const Transform matrix, read_matrix(tokens, directive));
-    return set_transform(state_.transform * matrix, directive);
   }
 
   Status name_system(Tokenizer& tokens, const Token& directive) {
@@ -287,7 +250,9 @@ class Importer {
   Status wait(Tokenizer& tokens, const Token& directive, std::optional<Waiting>& waiting) {
     SPILLWAY_ASSIGN(const Token type, read_string_token(tokens, directive.text));
     SPILLWAY_ASSIGN(ParamList params, read_params(tokens));
-    if (waiting) session_.warn(directive.place, "{} is given again: this one replaces that at {}", directive.text, to_string(waiting->place));
+    if (waiting)
+      session_.warn(directive.place, "{} is given again: this one replaces that at {}", directive.text,
+                    to_string(waiting->place));
     waiting = Waiting{type.text, std::move(params), type.place};
     return {};
   }
@@ -403,7 +368,8 @@ class Importer {
     SPILLWAY_ASSIGN(const Token type, read_string_token(tokens, directive.text));
     SPILLWAY_ASSIGN(const ParamList params, params_with_attributes(tokens, kShapeTarget));
     if (!is_supported_shape(type.text)) {
-      return session_.ignorable(type.place, "shape {} is not supported yet: use \"trianglemesh\" or \"plymesh\"", to_string(type));
+      return session_.ignorable(type.place, "shape {} is not supported yet: use \"trianglemesh\" or \"plymesh\"",
+                                to_string(type));
     }
     if (!state_.material) {
       SPILLWAY_ASSIGN(state_.material, materials_.find(state_.material_name.text, state_.material_name.place));
@@ -417,7 +383,8 @@ class Importer {
 
   Status object_begin(Tokenizer& tokens, const Token& directive) {
     SPILLWAY_ASSIGN(const Token name, read_string_token(tokens, directive.text));
-    if (object_ != nullptr) return error_at(directive.place, "ObjectBegin inside the object begun at {}", to_string(object_->place));
+    if (object_ != nullptr)
+      return error_at(directive.place, "ObjectBegin inside the object begun at {}", to_string(object_->place));
     const auto [at, is_new] = objects_.try_emplace(name.text);
     if (!is_new) {
       return error_at(name.place, "object {} is defined twice (first at {}): rename one", to_string(name),
@@ -440,7 +407,8 @@ class Importer {
   // An instance adds its transform to what the object's shapes were given: world = instance * shape.
   Status object_instance(Tokenizer& tokens, const Token& directive) {
     SPILLWAY_ASSIGN(const Token name, read_string_token(tokens, directive.text));
-    if (object_ != nullptr) return error_at(directive.place, "ObjectInstance inside an object: objects hold shapes only");
+    if (object_ != nullptr)
+      return error_at(directive.place, "ObjectInstance inside an object: objects hold shapes only");
     const auto at = objects_.find(name.text);
     if (at == objects_.end()) {
       return error_at(name.place, "there is no object {}: define it before its first instance", to_string(name));
@@ -476,13 +444,13 @@ const std::array<Importer::Directive, 40> Importer::kDirectives = {{
     {"AttributeBegin", Where::world, &Importer::attribute_begin},
     {"AttributeEnd", Where::world, &Importer::attribute_end},
     {"ObjectInstance", Where::world, &Importer::object_instance},
-    {"Transform", Where::anywhere, &Importer::set_matrix},
-    {"ConcatTransform", Where::anywhere, &Importer::concatenate},
-    {"Identity", Where::anywhere, &Importer::identity},
-    {"Translate", Where::anywhere, &Importer::translate},
-    {"Scale", Where::anywhere, &Importer::scale},
-    {"Rotate", Where::anywhere, &Importer::rotate},
-    {"LookAt", Where::anywhere, &Importer::look},
+    {"Transform", Where::anywhere, &Importer::transform},
+    {"ConcatTransform", Where::anywhere, &Importer::transform},
+    {"Identity", Where::anywhere, &Importer::transform},
+    {"Translate", Where::anywhere, &Importer::transform},
+    {"Scale", Where::anywhere, &Importer::transform},
+    {"Rotate", Where::anywhere, &Importer::transform},
+    {"LookAt", Where::anywhere, &Importer::transform},
     {"CoordinateSystem", Where::anywhere, &Importer::name_system},
     {"CoordSysTransform", Where::anywhere, &Importer::recall_system},
     {"ReverseOrientation", Where::world, &Importer::reverse_orientation},

@@ -32,9 +32,9 @@ struct ImportReport {
   uint64_t triangle_count = 0;  // as read, degenerate ones included
   uint64_t object_count = 0;
   uint64_t instance_count = 0;
-  uint64_t light_count = 0;     // lights without a shape
+  uint64_t light_count = 0;  // lights without a shape
   uint64_t image_count = 0;
-  std::string film_file_name;   // what the scene would call its picture; may be empty
+  std::string film_file_name;  // what the scene would call its picture; may be empty
 };
 
 Status import_pbrt(const std::filesystem::path& scene, pipeline::SceneSink& sink, const ImportOptions& options,

@@ -42,7 +42,8 @@ Result<Rgb> spectrum_color(const Parameter& spectrum) {
                     spectrum.name);
   }
   if (spectrum.strings[0] == "stdillum-D65") return Rgb{1, 1, 1};  // the white of the colour space
-  return error_at(spectrum.place, "spectrum \"{}\" is not known for lights: give rgb or blackbody", spectrum.strings[0]);
+  return error_at(spectrum.place, "spectrum \"{}\" is not known for lights: give rgb or blackbody",
+                  spectrum.strings[0]);
 }
 
 // A light's spectrum as RGB. pbrt scales what is not RGB to luminance 1; the default is the colour space's white.
@@ -154,15 +155,21 @@ Result<AreaEmission> read_area_light(Session& session, const std::string& type, 
 Status add_light(Session& session, const std::string& type, const ParamList& params, Place place,
                  const Transform& world_from_light) {
   Light light{};
-  if (type == "point") SPILLWAY_TRY(read_point(params, world_from_light, light));
-  else if (type == "spot") SPILLWAY_TRY(read_spot(session, params, place, world_from_light, light));
-  else if (type == "distant") SPILLWAY_TRY(read_distant(params, place, world_from_light, light));
-  else if (type == "infinite") SPILLWAY_TRY(read_infinite(params, light));
-  else return session.ignorable(place, "light \"{}\" is not supported: use infinite, distant, point or spot", type);
+  if (type == "point")
+    SPILLWAY_TRY(read_point(params, world_from_light, light));
+  else if (type == "spot")
+    SPILLWAY_TRY(read_spot(session, params, place, world_from_light, light));
+  else if (type == "distant")
+    SPILLWAY_TRY(read_distant(params, place, world_from_light, light));
+  else if (type == "infinite")
+    SPILLWAY_TRY(read_infinite(params, light));
+  else
+    return session.ignorable(place, "light \"{}\" is not supported: use infinite, distant, point or spot", type);
   SPILLWAY_ASSIGN(const float scale, read_scale(params));
   light.radiance = light.radiance * scale;
   SPILLWAY_TRY(params.check_all_used(session, fmt::format("LightSource \"{}\"", type)));
-  if (!is_finite(light.radiance) || !is_finite(light.position)) return error_at(place, "light \"{}\" is not finite", type);
+  if (!is_finite(light.radiance) || !is_finite(light.position))
+    return error_at(place, "light \"{}\" is not finite", type);
   if (const Status added = session.sink.add_light(light); !added) return error_at(place, "{}", added.error().message);
   ++session.report.light_count;
   return {};

@@ -75,12 +75,14 @@ Status MaterialTable::define(const Token& name, ParamList params, Place place) {
 Result<std::shared_ptr<MaterialDefinition>> MaterialTable::find(const std::string& name, const Place& place) const {
   const auto at = named_.find(name);
   if (at != named_.end()) return at->second;
-  return error_at(place, "there is no material \"{}\": define it with MakeNamedMaterial before the shape that uses it", name);
+  return error_at(place, "there is no material \"{}\": define it with MakeNamedMaterial before the shape that uses it",
+                  name);
 }
 
 Result<MaterialId> MaterialTable::use(MaterialDefinition& definition) {
   if (definition.state == SendState::sent) return definition.id;
-  if (definition.state == SendState::sending) return error_at(definition.place, "material \"{}\" uses itself", definition.name);
+  if (definition.state == SendState::sending)
+    return error_at(definition.place, "material \"{}\" uses itself", definition.name);
   if (depth_ == kMaxUseDepth) return error_at(definition.place, "materials are mixed more than {} deep", kMaxUseDepth);
   ++depth_;
   definition.state = SendState::sending;
@@ -94,7 +96,8 @@ Result<MaterialId> MaterialTable::use(MaterialDefinition& definition) {
 
 Result<MaterialId> MaterialTable::send(const MaterialDefinition& definition) {
   if (definition.type == "interface" || definition.type.empty() || definition.type == "none") {
-    SPILLWAY_TRY(session_.ignorable(definition.place, "material \"interface\" bounds a medium, and media are not supported yet"));
+    SPILLWAY_TRY(session_.ignorable(definition.place,
+                                    "material \"interface\" bounds a medium, and media are not supported yet"));
     return MaterialId{};
   }
   Material material;
@@ -118,12 +121,16 @@ Result<Material> MaterialTable::read(const MaterialDefinition& definition) {
   Material material;
   material.kind = find_kind(definition.type)->kind;
   switch (material.kind) {
-    case MaterialKind::diffuse: SPILLWAY_TRY(read_diffuse(params, material)); break;
+    case MaterialKind::diffuse:
+      SPILLWAY_TRY(read_diffuse(params, material));
+      break;
     case MaterialKind::conductor:
       SPILLWAY_TRY(read_conductor(definition, "", material));
       SPILLWAY_TRY(read_roughness(params, "", material.u_roughness, material.v_roughness));
       break;
-    case MaterialKind::dielectric: SPILLWAY_TRY(read_dielectric(params, material)); break;
+    case MaterialKind::dielectric:
+      SPILLWAY_TRY(read_dielectric(params, material));
+      break;
     case MaterialKind::thin_dielectric: {
       SPILLWAY_ASSIGN(material.eta, eta_value(params, "eta"));
       break;
@@ -194,7 +201,8 @@ Result<Param> MaterialTable::metal_param(const ParamList& params, const std::str
   return error_at(spectrum->place, "unknown spectrum \"{}\": give rgb, or a metal such as \"metal-Cu-eta\"", metal);
 }
 
-Status MaterialTable::read_conductor(const MaterialDefinition& definition, std::string_view prefix, Material& material) {
+Status MaterialTable::read_conductor(const MaterialDefinition& definition, std::string_view prefix,
+                                     Material& material) {
   const ParamList& params = definition.params;
   const std::string name(prefix);
   SPILLWAY_ASSIGN(const std::optional<Param> reflectance, textures_.rgb_param(params, "reflectance", RgbRange::albedo));

@@ -12,19 +12,18 @@ struct TypeName {
   ParamType type;
 };
 constexpr std::array kTypeNames = {
-    TypeName{"bool", ParamType::boolean},      TypeName{"integer", ParamType::integer},
-    TypeName{"float", ParamType::real},        TypeName{"point2", ParamType::point2},
-    TypeName{"vector2", ParamType::vector2},   TypeName{"point3", ParamType::point3},
-    TypeName{"point", ParamType::point3},      TypeName{"vector3", ParamType::vector3},
-    TypeName{"vector", ParamType::vector3},    TypeName{"normal", ParamType::normal3},
-    TypeName{"normal3", ParamType::normal3},   TypeName{"spectrum", ParamType::spectrum},
-    TypeName{"rgb", ParamType::rgb},           TypeName{"blackbody", ParamType::blackbody},
-    TypeName{"string", ParamType::string},     TypeName{"texture", ParamType::texture},
+    TypeName{"bool", ParamType::boolean},    TypeName{"integer", ParamType::integer},
+    TypeName{"float", ParamType::real},      TypeName{"point2", ParamType::point2},
+    TypeName{"vector2", ParamType::vector2}, TypeName{"point3", ParamType::point3},
+    TypeName{"point", ParamType::point3},    TypeName{"vector3", ParamType::vector3},
+    TypeName{"vector", ParamType::vector3},  TypeName{"normal", ParamType::normal3},
+    TypeName{"normal3", ParamType::normal3}, TypeName{"spectrum", ParamType::spectrum},
+    TypeName{"rgb", ParamType::rgb},         TypeName{"blackbody", ParamType::blackbody},
+    TypeName{"string", ParamType::string},   TypeName{"texture", ParamType::texture},
 };
 
 // Values are 32-bit in number, and so is every count made of them.
 constexpr size_t kMaxValues = size_t{1} << 30;
-constexpr size_t kMaxParameters = 256;  // of one directive; the format knows no directive with more than 30
 
 bool is_blank(char c) { return c == ' ' || c == '\t' || c == '\n' || c == '\r'; }
 
@@ -93,8 +92,10 @@ Status add_value(Parameter& parameter, const Token& token) {
   const size_t count = parameter.numbers.size() + parameter.integers.size() + parameter.strings.size();
   if (count == kMaxValues) return error_at(token.place, "\"{}\" has more than {} values", parameter.name, kMaxValues);
   switch (parameter.type) {
-    case ParamType::boolean: return add_boolean(parameter, token);
-    case ParamType::integer: return add_integer(parameter, token);
+    case ParamType::boolean:
+      return add_boolean(parameter, token);
+    case ParamType::integer:
+      return add_integer(parameter, token);
     case ParamType::string:
     case ParamType::texture:
       if (token.kind != TokenKind::string) return wrong_value(parameter, token, "a string in quotes");
@@ -104,7 +105,8 @@ Status add_value(Parameter& parameter, const Token& token) {
       if (token.kind != TokenKind::string) return add_number(parameter, token);
       parameter.strings.push_back(token.text);
       return {};
-    default: return add_number(parameter, token);
+    default:
+      return add_number(parameter, token);
   }
 }
 
@@ -128,19 +130,32 @@ Status read_values(Tokenizer& tokens, Parameter& parameter) {
 
 const char* name(ParamType type) {
   switch (type) {
-    case ParamType::boolean: return "bool";
-    case ParamType::integer: return "integer";
-    case ParamType::real: return "float";
-    case ParamType::point2: return "point2";
-    case ParamType::vector2: return "vector2";
-    case ParamType::point3: return "point3";
-    case ParamType::vector3: return "vector3";
-    case ParamType::normal3: return "normal";
-    case ParamType::spectrum: return "spectrum";
-    case ParamType::rgb: return "rgb";
-    case ParamType::blackbody: return "blackbody";
-    case ParamType::string: return "string";
-    case ParamType::texture: return "texture";
+    case ParamType::boolean:
+      return "bool";
+    case ParamType::integer:
+      return "integer";
+    case ParamType::real:
+      return "float";
+    case ParamType::point2:
+      return "point2";
+    case ParamType::vector2:
+      return "vector2";
+    case ParamType::point3:
+      return "point3";
+    case ParamType::vector3:
+      return "vector3";
+    case ParamType::normal3:
+      return "normal";
+    case ParamType::spectrum:
+      return "spectrum";
+    case ParamType::rgb:
+      return "rgb";
+    case ParamType::blackbody:
+      return "blackbody";
+    case ParamType::string:
+      return "string";
+    case ParamType::texture:
+      return "texture";
   }
   return "?";
 }
@@ -177,7 +192,8 @@ Result<std::vector<double>> read_numbers(Tokenizer& tokens, size_t count, bool b
   }
   if (bracketed) {
     SPILLWAY_ASSIGN(token, tokens.take());
-    if (token.kind != TokenKind::close) return error_at(token.place, "{} takes {} numbers: ] expected", directive, count);
+    if (token.kind != TokenKind::close)
+      return error_at(token.place, "{} takes {} numbers: ] expected", directive, count);
   }
   return numbers;
 }
@@ -279,8 +295,9 @@ Status ParamList::check_all_used(Session& session, std::string_view owner) const
       SPILLWAY_TRY(session.ignorable(parameter.place, "\"{}\" of {} has type {}, not {}", parameter.name, owner,
                                      name(*parameter.wanted), name(parameter.type)));
     } else {
-      SPILLWAY_TRY(session.ignorable(parameter.place, "{} has no parameter \"{} {}\", or has no use for it here: remove it",
-                                     owner, name(parameter.type), parameter.name));
+      SPILLWAY_TRY(session.ignorable(parameter.place,
+                                     "{} has no parameter \"{} {}\", or has no use for it here: remove it", owner,
+                                     name(parameter.type), parameter.name));
     }
   }
   return {};

@@ -16,7 +16,19 @@
 namespace spillway::tools {
 
 enum class ParamType : uint8_t {
-  boolean, integer, real, point2, vector2, point3, vector3, normal3, spectrum, rgb, blackbody, string, texture,
+  boolean,
+  integer,
+  real,
+  point2,
+  vector2,
+  point3,
+  vector3,
+  normal3,
+  spectrum,
+  rgb,
+  blackbody,
+  string,
+  texture,
 };
 [[nodiscard]] const char* name(ParamType type);
 
@@ -28,10 +40,13 @@ struct Parameter {
   std::vector<float> numbers;
   std::vector<int32_t> integers;  // booleans: 0 or 1
   std::vector<std::string> strings;
-  bool inherited = false;         // from an Attribute directive: need not be used
+  bool inherited = false;  // from an Attribute directive: need not be used
   mutable bool used = false;
   mutable std::optional<ParamType> wanted;  // asked for under this name with another type
 };
+
+// Of one directive; the format knows none with more than 30.
+inline constexpr size_t kMaxParameters = 256;
 
 class ParamList {
  public:
@@ -62,7 +77,6 @@ Result<double> number(const Token& token);
 // `count` numbers without brackets, or, when bracketed, inside one pair.
 Result<std::vector<double>> read_numbers(Tokenizer& tokens, size_t count, bool bracketed, std::string_view directive);
 Result<Token> read_string_token(Tokenizer& tokens, std::string_view directive);
-
 
 Status expect_count(const Parameter& parameter, size_t have, size_t want);
 

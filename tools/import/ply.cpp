@@ -29,14 +29,22 @@ static_assert(std::endian::native == std::endian::little);
 
 double load(const unsigned char* bytes, PlyType type, bool big) {
   switch (type) {
-    case PlyType::int8: return load<int8_t>(bytes, big);
-    case PlyType::uint8: return load<uint8_t>(bytes, big);
-    case PlyType::int16: return load<int16_t>(bytes, big);
-    case PlyType::uint16: return load<uint16_t>(bytes, big);
-    case PlyType::int32: return load<int32_t>(bytes, big);
-    case PlyType::uint32: return load<uint32_t>(bytes, big);
-    case PlyType::float32: return load<float>(bytes, big);
-    case PlyType::float64: return load<double>(bytes, big);
+    case PlyType::int8:
+      return load<int8_t>(bytes, big);
+    case PlyType::uint8:
+      return load<uint8_t>(bytes, big);
+    case PlyType::int16:
+      return load<int16_t>(bytes, big);
+    case PlyType::uint16:
+      return load<uint16_t>(bytes, big);
+    case PlyType::int32:
+      return load<int32_t>(bytes, big);
+    case PlyType::uint32:
+      return load<uint32_t>(bytes, big);
+    case PlyType::float32:
+      return load<float>(bytes, big);
+    case PlyType::float64:
+      return load<double>(bytes, big);
   }
   return 0;
 }
@@ -48,9 +56,10 @@ struct SlotName {
   Slot slot;
 };
 constexpr std::array kSlotNames = {
-    SlotName{"x", kX}, SlotName{"y", kY}, SlotName{"z", kZ}, SlotName{"nx", kNx}, SlotName{"ny", kNy},
-    SlotName{"nz", kNz}, SlotName{"u", kU}, SlotName{"v", kV}, SlotName{"s", kU}, SlotName{"t", kV},
-    SlotName{"texture_u", kU}, SlotName{"texture_v", kV}, SlotName{"texture_s", kU}, SlotName{"texture_t", kV},
+    SlotName{"x", kX},         SlotName{"y", kY},         SlotName{"z", kZ},         SlotName{"nx", kNx},
+    SlotName{"ny", kNy},       SlotName{"nz", kNz},       SlotName{"u", kU},         SlotName{"v", kV},
+    SlotName{"s", kU},         SlotName{"t", kV},         SlotName{"texture_u", kU}, SlotName{"texture_v", kV},
+    SlotName{"texture_s", kU}, SlotName{"texture_t", kV},
 };
 
 Slot slot_of(const PlyProperty& property) {
@@ -69,9 +78,12 @@ class PlyReader {
     for (const PlyElement& element : header_.elements) {
       has_vertices = has_vertices || element.name == "vertex";
       has_faces = has_faces || element.name == "face";
-      if (element.name == "vertex") SPILLWAY_TRY(read_vertices(element));
-      else if (element.name == "face") SPILLWAY_TRY(read_faces(element));
-      else SPILLWAY_TRY(skip(element));
+      if (element.name == "vertex")
+        SPILLWAY_TRY(read_vertices(element));
+      else if (element.name == "face")
+        SPILLWAY_TRY(read_faces(element));
+      else
+        SPILLWAY_TRY(skip(element));
     }
     if (!has_vertices || !has_faces) return bytes_.fail("no element \"vertex\", or no element \"face\"");
     SPILLWAY_TRY(check_end());
@@ -156,7 +168,8 @@ class PlyReader {
       slots.push_back(slot);
     }
     if (!has[kX] || !has[kY] || !has[kZ]) return bytes_.fail("vertices without x, y and z");
-    if (element.count > std::numeric_limits<uint32_t>::max()) return bytes_.fail("more than 2^32 vertices: split the mesh");
+    if (element.count > std::numeric_limits<uint32_t>::max())
+      return bytes_.fail("more than 2^32 vertices: split the mesh");
     return slots;
   }
 
@@ -222,13 +235,15 @@ class PlyReader {
   Status check_end() {
     while (is_space(bytes_.peek())) SPILLWAY_TRY(drop_byte());
     if (bytes_.remaining() == 0) return {};
-    return bytes_.fail(fmt::format("{} bytes left after the last element: the header's counts are wrong", bytes_.remaining()));
+    return bytes_.fail(
+        fmt::format("{} bytes left after the last element: the header's counts are wrong", bytes_.remaining()));
   }
 
   Status check_indices() {
     for (size_t i = 0; i < mesh_.indices.size(); ++i) {
       if (mesh_.indices[i] < mesh_.positions.size()) continue;
-      return bytes_.fail(fmt::format("triangle {} names vertex {} of {}", i / 3, mesh_.indices[i], mesh_.positions.size()));
+      return bytes_.fail(
+          fmt::format("triangle {} names vertex {} of {}", i / 3, mesh_.indices[i], mesh_.positions.size()));
     }
     return {};
   }

@@ -44,11 +44,11 @@ struct TypeName {
   PlyType type;
 };
 constexpr std::array kTypeNames = {
-    TypeName{"char", PlyType::int8},      TypeName{"int8", PlyType::int8},       TypeName{"uchar", PlyType::uint8},
-    TypeName{"uint8", PlyType::uint8},    TypeName{"short", PlyType::int16},     TypeName{"int16", PlyType::int16},
-    TypeName{"ushort", PlyType::uint16},  TypeName{"uint16", PlyType::uint16},   TypeName{"int", PlyType::int32},
-    TypeName{"int32", PlyType::int32},    TypeName{"uint", PlyType::uint32},     TypeName{"uint32", PlyType::uint32},
-    TypeName{"float", PlyType::float32},  TypeName{"float32", PlyType::float32}, TypeName{"double", PlyType::float64},
+    TypeName{"char", PlyType::int8},       TypeName{"int8", PlyType::int8},       TypeName{"uchar", PlyType::uint8},
+    TypeName{"uint8", PlyType::uint8},     TypeName{"short", PlyType::int16},     TypeName{"int16", PlyType::int16},
+    TypeName{"ushort", PlyType::uint16},   TypeName{"uint16", PlyType::uint16},   TypeName{"int", PlyType::int32},
+    TypeName{"int32", PlyType::int32},     TypeName{"uint", PlyType::uint32},     TypeName{"uint32", PlyType::uint32},
+    TypeName{"float", PlyType::float32},   TypeName{"float32", PlyType::float32}, TypeName{"double", PlyType::float64},
     TypeName{"float64", PlyType::float64},
 };
 
@@ -66,10 +66,14 @@ using Complaint = std::string;
 
 Complaint read_format(const std::vector<std::string_view>& words, PlyHeader& header) {
   if (words.size() != 3 || words[2] != "1.0") return "PLY 1.0 is read, nothing else";
-  if (words[1] == "ascii") header.format = PlyFormat::ascii;
-  else if (words[1] == "binary_little_endian") header.format = PlyFormat::little;
-  else if (words[1] == "binary_big_endian") header.format = PlyFormat::big;
-  else return "unknown format";
+  if (words[1] == "ascii")
+    header.format = PlyFormat::ascii;
+  else if (words[1] == "binary_little_endian")
+    header.format = PlyFormat::little;
+  else if (words[1] == "binary_big_endian")
+    header.format = PlyFormat::big;
+  else
+    return "unknown format";
   return {};
 }
 
@@ -120,8 +124,10 @@ Complaint read_header_line(const std::vector<std::string_view>& words, PlyHeader
 uint64_t least_bytes(const PlyElement& element, PlyFormat format) {
   uint64_t bytes = 0;
   for (const PlyProperty& property : element.properties) {
-    if (format == PlyFormat::ascii) bytes += 2;  // a digit and what ends it
-    else bytes += size_bytes(property.is_list ? property.count_type : property.type);
+    if (format == PlyFormat::ascii)
+      bytes += 2;  // a digit and what ends it
+    else
+      bytes += size_bytes(property.is_list ? property.count_type : property.type);
   }
   return bytes;
 }

@@ -130,7 +130,8 @@ Status read_camera(Session& session, const Waiting& waiting, shading::Camera& ca
   SPILLWAY_TRY(read_screen(waiting, camera, window));
   SPILLWAY_ASSIGN(const float fov_deg, params.real("fov", 90));
   if (!(fov_deg > 0 && fov_deg < 180)) {
-    return error_at(place_of(params, ParamType::real, "fov", waiting.place), "\"fov\" must be between 0 and 180 degrees");
+    return error_at(place_of(params, ParamType::real, "fov", waiting.place),
+                    "\"fov\" must be between 0 and 180 degrees");
   }
   const float tangent = static_cast<float>(std::tan(fov_deg * (M_PI / 360)));
   camera.tan_half_fov_x = tangent * (window[1] - window[0]) / 2;
@@ -198,17 +199,20 @@ Status read_sample_count(const Waiting& waiting, uint32_t& samples_per_pixel) {
     count = given;
   }
   constexpr int64_t kMaxSamples = 1 << 24;
-  if (count < 1 || count > kMaxSamples) return error_at(waiting.place, "{} samples a pixel: 1 to {} can be", count, kMaxSamples);
+  if (count < 1 || count > kMaxSamples)
+    return error_at(waiting.place, "{} samples a pixel: 1 to {} can be", count, kMaxSamples);
   samples_per_pixel = static_cast<uint32_t>(count);
   return {};
 }
 
 Status read_sampler(Session& session, const Waiting& waiting, pipeline::RenderSettings& render) {
-  constexpr std::array<std::string_view, 7> kTypes = {"sobol", "paddedsobol", "zsobol", "halton",
-                                                      "independent", "stratified", "pmj02bn"};
-  if (!contains(kTypes, waiting.type)) return error_at(waiting.place, "unknown sampler \"{}\": use \"sobol\"", waiting.type);
+  constexpr std::array<std::string_view, 7> kTypes = {"sobol",       "paddedsobol", "zsobol", "halton",
+                                                      "independent", "stratified",  "pmj02bn"};
+  if (!contains(kTypes, waiting.type))
+    return error_at(waiting.place, "unknown sampler \"{}\": use \"sobol\"", waiting.type);
   if (waiting.type != "sobol") {
-    session.warn(waiting.place, "sampler \"{}\": the renderer's own Owen-scrambled Sobol' points are used", waiting.type);
+    session.warn(waiting.place, "sampler \"{}\": the renderer's own Owen-scrambled Sobol' points are used",
+                 waiting.type);
   }
   SPILLWAY_TRY(read_sample_count(waiting, render.samples_per_pixel));
   SPILLWAY_ASSIGN(const int32_t seed, waiting.params.integer("seed", static_cast<int32_t>(render.seed)));
@@ -219,7 +223,8 @@ Status read_sampler(Session& session, const Waiting& waiting, pipeline::RenderSe
 
 Status read_integrator(Session& session, const Waiting& waiting, pipeline::RenderSettings& render) {
   constexpr std::array<std::string_view, 3> kPaths = {"path", "volpath", "simplepath"};
-  constexpr std::array<std::string_view, 6> kOthers = {"bdpt", "mlt", "sppm", "lightpath", "randomwalk", "simplevolpath"};
+  constexpr std::array<std::string_view, 6> kOthers = {"bdpt",      "mlt",        "sppm",
+                                                       "lightpath", "randomwalk", "simplevolpath"};
   const bool is_path = contains(kPaths, waiting.type);
   if (!is_path && !contains(kOthers, waiting.type)) {
     return error_at(waiting.place, "integrator \"{}\" is not supported: use \"path\"", waiting.type);
@@ -244,8 +249,8 @@ Waiting or_default(const std::optional<Waiting>& given, const char* type) {
 }  // namespace
 
 Status read_option(Session& session, const ParamList& params, SceneOptions& options) {
-  constexpr std::array<std::string_view, 6> kHarmless = {"wavefront", "pixelstats", "disablewavelengthjitter",
-                                                         "rendercoordsys", "msereferenceimage", "msereferenceout"};
+  constexpr std::array<std::string_view, 6> kHarmless = {
+      "wavefront", "pixelstats", "disablewavelengthjitter", "rendercoordsys", "msereferenceimage", "msereferenceout"};
   constexpr std::array<std::string_view, 4> kNotOurs = {"disablepixeljitter", "disabletexturefiltering", "forcediffuse",
                                                         "displacementedgescale"};
   for (const Parameter& option : params.parameters) {

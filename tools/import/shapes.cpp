@@ -81,7 +81,8 @@ Status read_indices(const ParamList& params, Place place, PlyMesh& mesh) {
     return {};
   }
   if (indices->integers.empty() || indices->integers.size() % 3 != 0) {
-    return error_at(indices->place, "\"indices\" takes three numbers a triangle, not {} in all", indices->integers.size());
+    return error_at(indices->place, "\"indices\" takes three numbers a triangle, not {} in all",
+                    indices->integers.size());
   }
   mesh.indices.reserve(indices->integers.size());
   for (const int32_t index : indices->integers) {
@@ -120,7 +121,8 @@ Result<PlyMesh> read_plymesh(Session& session, const ParamList& params, Place pl
   SPILLWAY_TRY(expect_count(*file, file->strings.size(), 1));
   if (const Parameter* displacement = params.find(ParamType::texture, "displacement")) {
     (void)params.find(ParamType::real, "edgelength");
-    SPILLWAY_TRY(session.ignorable(displacement->place, "displaced meshes are not supported yet: remove \"displacement\""));
+    SPILLWAY_TRY(
+        session.ignorable(displacement->place, "displaced meshes are not supported yet: remove \"displacement\""));
   }
   name = file->strings[0];
   Result<PlyMesh> mesh = read_ply(session.resolved(name));
@@ -147,7 +149,8 @@ Status send(Session& session, const MeshInput& input, Place place) {
 
 // pbrt makes a light of each triangle and gives each the whole power, so that radiance differs between them: one mesh
 // a triangle says the same.
-Status send_by_power(Session& session, const PlyMesh& mesh, MeshInput input, const AreaEmission& emission, Place place) {
+Status send_by_power(Session& session, const PlyMesh& mesh, MeshInput input, const AreaEmission& emission,
+                     Place place) {
   const float sides = emission.two_sided ? 2 : 1;
   for (size_t t = 0; t < mesh.indices.size() / 3; ++t) {
     const float area = length(area_vector(mesh, t)) / 2;
@@ -170,7 +173,8 @@ Status send_by_power(Session& session, const PlyMesh& mesh, MeshInput input, con
 Status set_emission(Session& session, const ShapeState& state, Place place, MeshInput& input) {
   if (!state.emission || is_black(state.emission->radiance)) return {};
   if (state.object != 0) {
-    return session.ignorable(place, "area lights inside objects are not supported yet: take the shape out of ObjectBegin");
+    return session.ignorable(place,
+                             "area lights inside objects are not supported yet: take the shape out of ObjectBegin");
   }
   input.emits = true;
   input.emission = state.emission->radiance;

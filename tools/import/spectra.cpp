@@ -74,8 +74,8 @@ struct Glass {
 };
 // n_d of the Schott catalogue; pbrt's F5, F10 and F11 are SF5, SF10 and SF11.
 constexpr std::array kGlasses = {
-    Glass{"glass-BK7", 1.51680f}, Glass{"glass-BAF10", 1.67003f}, Glass{"glass-FK51A", 1.48656f},
-    Glass{"glass-LASF9", 1.85025f}, Glass{"glass-F5", 1.67271f}, Glass{"glass-F10", 1.72828f},
+    Glass{"glass-BK7", 1.51680f},   Glass{"glass-BAF10", 1.67003f}, Glass{"glass-FK51A", 1.48656f},
+    Glass{"glass-LASF9", 1.85025f}, Glass{"glass-F5", 1.67271f},    Glass{"glass-F10", 1.72828f},
     Glass{"glass-F11", 1.78472f},
 };
 

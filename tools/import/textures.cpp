@@ -30,7 +30,8 @@ Result<cache::TexelEncoding> read_encoding(const ParamList& params, const std::s
   SPILLWAY_TRY(expect_count(*parameter, parameter->strings.size(), 1));
   if (parameter->strings[0] == "linear") return cache::TexelEncoding::linear;
   if (parameter->strings[0] == "sRGB") return cache::TexelEncoding::srgb;
-  return error_at(parameter->place, "encoding \"{}\" is not supported: use \"sRGB\" or \"linear\"", parameter->strings[0]);
+  return error_at(parameter->place, "encoding \"{}\" is not supported: use \"sRGB\" or \"linear\"",
+                  parameter->strings[0]);
 }
 
 Result<cache::WrapMode> read_wrap(const ParamList& params) {
@@ -72,7 +73,9 @@ Status read_mapping(const ParamList& params, TextureNode& node) {
   return {};
 }
 
-void set_rgb(TextureNode& node, Rgb value) { node.value[0] = value.r, node.value[1] = value.g, node.value[2] = value.b; }
+void set_rgb(TextureNode& node, Rgb value) {
+  node.value[0] = value.r, node.value[1] = value.g, node.value[2] = value.b;
+}
 
 Result<std::optional<Rgb>> read_rgb(const ParamList& params, std::string_view name, RgbRange range) {
   if (const Parameter* spectrum = params.find(ParamType::spectrum, name)) {
@@ -134,7 +137,8 @@ Result<TextureId> TextureTable::send(TextureValue value, const std::string& name
   } else if (definition.type == "mix") {
     SPILLWAY_ASSIGN(node, mix_node(value, definition));
   } else {
-    return error_at(definition.place, "texture type \"{}\" of \"{}\" is not supported: use constant, imagemap, scale or mix",
+    return error_at(definition.place,
+                    "texture type \"{}\" of \"{}\" is not supported: use constant, imagemap, scale or mix",
                     definition.type, name);
   }
   SPILLWAY_TRY(definition.params.check_all_used(session_, fmt::format("Texture \"{}\"", definition.type)));

@@ -30,11 +30,15 @@ std::string to_string(const Place& place) {
 
 std::string to_string(const Token& token) {
   switch (token.kind) {
-    case TokenKind::end: return "the end of the file";
-    case TokenKind::open: return "[";
-    case TokenKind::close: return "]";
+    case TokenKind::end:
+      return "the end of the file";
+    case TokenKind::open:
+      return "[";
+    case TokenKind::close:
+      return "]";
     case TokenKind::word:
-    case TokenKind::string: break;
+    case TokenKind::string:
+      break;
   }
   constexpr size_t kShown = 60;  // of a long token
   const std::string text = token.text.size() > kShown ? token.text.substr(0, kShown) + "..." : token.text;
@@ -103,7 +107,8 @@ Status Tokenizer::read_string() {
   advance();
   for (int c = byte(); c != '"'; c = byte()) {
     if (c < 0 || c == '\n') return error_at(token_.place, "string without closing quote: add a \"");
-    if (token_.text.size() == kMaxTokenBytes) return error_at(token_.place, "string of more than {} bytes", kMaxTokenBytes);
+    if (token_.text.size() == kMaxTokenBytes)
+      return error_at(token_.place, "string of more than {} bytes", kMaxTokenBytes);
     const Place place = here_;
     advance();
     if (c == '\\') {
@@ -123,7 +128,8 @@ Status Tokenizer::read_word() {
   token_.kind = TokenKind::word;
   for (int c = byte(); !ends_word(c); c = byte()) {
     if (!is_text(c)) return error_at(here_, "byte {:#04x}: not a text file?", c);
-    if (token_.text.size() == kMaxTokenBytes) return error_at(token_.place, "word of more than {} bytes", kMaxTokenBytes);
+    if (token_.text.size() == kMaxTokenBytes)
+      return error_at(token_.place, "word of more than {} bytes", kMaxTokenBytes);
     token_.text.push_back(static_cast<char>(c));
     advance();
   }

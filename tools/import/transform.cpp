@@ -89,7 +89,8 @@ Transform operator*(const Transform& a, const Transform& b) {
   Transform product;
   for (int r = 0; r < 3; ++r) {
     for (int c = 0; c < 4; ++c) {
-      product.m[r][c] = a.m[r][0] * b.m[0][c] + a.m[r][1] * b.m[1][c] + a.m[r][2] * b.m[2][c] + (c == 3 ? a.m[r][3] : 0);
+      product.m[r][c] =
+          a.m[r][0] * b.m[0][c] + a.m[r][1] * b.m[1][c] + a.m[r][2] * b.m[2][c] + (c == 3 ? a.m[r][3] : 0);
     }
   }
   return product;
