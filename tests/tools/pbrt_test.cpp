@@ -88,14 +88,14 @@ TEST(pbrt, the_field_of_view_is_of_the_shorter_axis) {
 
 TEST(pbrt, the_camera_is_the_inverse_of_the_transform_before_it) {
   const Imported imported = import_text(
-      "LookAt 0 0 5  0 0 0  0 1 0\nCamera \"perspective\" \"float lensradius\" 0.5 \"float focaldistance\" 7\n"
+      "LookAt 1 2 8  3 2 8  0 1 0\nCamera \"perspective\" \"float lensradius\" 0.5 \"float focaldistance\" 7\n"
       "Translate 100 0 0 WorldBegin");
   ASSERT_EQ(imported.error, "");
   const shading::Camera& camera = imported.sink.settings.camera;
-  expect_near(camera.world_from_camera.point({0, 0, 0}), {0, 0, 5});
-  expect_near(camera.world_from_camera.vector({0, 0, 1}), {0, 0, -1});
+  expect_near(camera.world_from_camera.point({0, 0, 0}), {1, 2, 8});
+  expect_near(camera.world_from_camera.vector({0, 0, 1}), {1, 0, 0});
   expect_near(camera.world_from_camera.vector({0, 1, 0}), {0, 1, 0});
-  expect_near(camera.world_from_camera.vector({1, 0, 0}), {-1, 0, 0});  // left-handed: right is -x here
+  expect_near(camera.world_from_camera.vector({1, 0, 0}), {0, 0, -1});  // up x view: left-handed
   EXPECT_EQ(camera.lens_radius, 0.5f);
   EXPECT_EQ(camera.focal_distance, 7);
 }

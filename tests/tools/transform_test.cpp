@@ -18,7 +18,7 @@ void expect_near(Vec3 got, Vec3 want, double tolerance) {
 constexpr double kRounding = 1e-14;  // a few operations on numbers near one
 
 TEST(transform, look_at_puts_the_target_on_z_and_right_to_the_right) {
-  // From +z looking at the origin, y up: the viewer's right is world -x. In pbrt's left-handed camera space it is +x.
+  // From +z looking at the origin, y up: right is up x view = -x of the world, since pbrt is left-handed.
   const Transform camera_from_world = *look_at({0, 0, 5}, {0, 0, 0}, {0, 1, 0});
   expect_near(camera_from_world.point({0, 0, 5}), {0, 0, 0}, kRounding);
   expect_near(camera_from_world.point({0, 0, 0}), {0, 0, 5}, kRounding);
