@@ -57,15 +57,16 @@ static_assert(sizeof(SplatRecord) == 24);
 constexpr uint32_t emission_event(uint32_t bounce) { return 2 * bounce; }
 constexpr uint32_t shadow_event(uint32_t bounce) { return 2 * bounce + 1; }
 
-// What a camera ray saw first. Written by shade_hits at bounce 0 when the film asks for it.
+// What a camera ray hit first. Written by shade_hits at bounce 0 when the film has such layers; a miss writes none.
 struct AovRecord {
   uint32_t sink;
   uint32_t sample;
-  float depth;  // along the ray
+  float depth;  // along the ray, world units
   Float3 normal_world;
   Rgb albedo;
   uint32_t mesh, material, instance;
 };
+static_assert(sizeof(AovRecord) == 48);
 
 static_assert(std::is_trivially_copyable_v<PathRecord> && std::is_trivially_copyable_v<HitRecord>);
 

@@ -19,6 +19,9 @@ struct OpenSceneOptions {
   bool quiet = false;
 };
 
+// Imports and packs the .pbrt scene, whatever store is there.
+Status pack_scene(const OpenSceneOptions& options);
+
 // Packs unless the store is there and newer than every file of the scene.
 Result<pipeline::Store> open_scene(const OpenSceneOptions& options);
 

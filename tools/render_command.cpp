@@ -59,7 +59,7 @@ Result<RenderOptions> render_options(const RenderArguments& arguments, const Sto
   RenderOptions options;
   options.settings = store.settings();
   SPILLWAY_TRY(override_settings(arguments, options.settings));
-  options.aov_layers = arguments.aovs, options.half_buffers = arguments.halves;
+  options.aov_layers = arguments.aovs;
   SPILLWAY_TRY(set_bytes(arguments.memory, options.plan.memory_bytes));
   SPILLWAY_TRY(set_bytes(arguments.page_share, options.plan.page_bytes));
   SPILLWAY_TRY(set_bytes(arguments.attribute_share, options.plan.attribute_bytes));
@@ -110,7 +110,27 @@ Status write_text(const std::filesystem::path& path, const std::string& text) {
   return file.commit();
 }
 
+Status write_picture(const RenderArguments& arguments, const RenderOptions& options, const RenderedImage& image) {
+  const std::filesystem::path output = arguments.output;
+  if (output.extension() == ".png") return write_png(*image.film, output);
+  const ImageMetadata metadata{arguments.scene.scene.filename().string(), SPILLWAY_VERSION,
+                               options.settings.render.max_depth, options.settings.render.seed,
+                               image.report.epoch_count};
+  return write_exr(*image.film, output, metadata, {.half_buffers = arguments.halves});
+}
+
+// Bad endings are known before the hours of rendering, not after.
+Status check_output(const std::filesystem::path& output) {
+  if (output.extension() != ".exr" && output.extension() != ".png")
+    return error("-o {}: pictures are written as .exr or .png", output.string());
+  const auto parent = output.parent_path();
+  if (!parent.empty() && !std::filesystem::is_directory(parent))
+    return error("-o {}: the folder {} does not exist", output.string(), parent.string());
+  return {};
+}
+
 Result<int> render(const RenderArguments& arguments) {
+  SPILLWAY_TRY(check_output(arguments.output));
   SPILLWAY_ASSIGN(const Store store, open_scene(arguments.scene));
   SPILLWAY_ASSIGN(RenderOptions options, render_options(arguments, store));
   std::signal(SIGINT, request_stop);
@@ -121,16 +141,20 @@ Result<int> render(const RenderArguments& arguments) {
   options.on_progress = [&](const RenderProgress& p) { progress.show(p); };
   SPILLWAY_ASSIGN(const RenderedImage image, render_image(store, options));
   progress.end();
-  SPILLWAY_TRY(write_image(*image.film, arguments.output, image_options(store, options, image.report)));
+  SPILLWAY_TRY(write_picture(arguments, options, image));
   const std::string json = report_json(image.report, store.directory().string());
   if (!arguments.report.empty()) SPILLWAY_TRY(write_text(arguments.report, json));
   if (!arguments.trace.empty()) SPILLWAY_TRY(log.write(arguments.trace));
   if (arguments.json) fmt::print("{}\n", json);
   if (!arguments.json && !arguments.scene.quiet) fmt::print(stderr, "{}", report_table(image.report));
-  if (image.report.bad_values != 0)
-    return fail(fmt::format("{}: {} contributions were not finite or out of range and are missing; first at {}",
-                            arguments.output, image.report.bad_values, image.film->first_bad_value()),
+  if (const FilmFaults& faults = image.report.faults; faults.any()) {
+    const uint32_t width = options.settings.camera.resolution_x_px;
+    return fail(fmt::format("{}: {} contributions were not finite and {} out of range; they are missing from the picture; "
+                            "the first at pixel ({}, {})",
+                            arguments.output, faults.not_finite_count, faults.out_of_range_count, faults.sink % width,
+                            faults.sink / width),
                 kExitBadValues);
+  }
   if (image.report.stopped_early && stop_requested) {
     fail(fmt::format("interrupted: {} holds {} whole samples a pixel; render again with a larger --spp to go on from nothing",
                      arguments.output, image.report.samples_per_pixel));

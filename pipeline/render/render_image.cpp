@@ -5,6 +5,7 @@
 #include <optional>
 
 #include "cache/base/check.h"
+#include "cache/base/hash.h"
 #include "pipeline/evaluate_texture.h"
 #include "pipeline/render/attribute_store.h"
 #include "pipeline/render/resolve_material.h"
@@ -148,7 +149,7 @@ class RenderLoop {
     Buffer<uint32_t> order(MemoryTag::rays, path_count + shadow_count);
     SortRaysOptions sort_options;
     sort_options.enabled = state_.options.sort_rays;
-    sort_rays(wave.paths.hot, wave.shadows.hot, settings_.statistics.bounds_world, order, sort_options);
+    sort_rays(wave.paths.hot, wave.shadows.hot, settings_.statistics.bounds_world, order, sort_options, sort_scratch_);
     report.sort_seconds = seconds_since(started);
 
     started = Clock::now();
@@ -177,7 +178,7 @@ class RenderLoop {
       const bool generated = camera_rays_.exhausted() || generating_half_ != half;
       if (!schedule_.is_open(half) || !generated || wave.live[half] != 0) continue;
       schedule_.close(half);
-      state_.film->set_half_samples(half, schedule_.closed_samples()[half]);
+      state_.film->set_half_samples(static_cast<int>(half), schedule_.closed_samples()[half]);
     }
   }
 
@@ -208,6 +209,7 @@ class RenderLoop {
   uint32_t generating_half_ = 0;
   uint64_t generated_total_ = 0;
   Buffer<PathRecord> generated_{MemoryTag::paths, 1 << 14};
+  SortRaysScratch sort_scratch_;
   RouteHitsScratch route_scratch_;
   ShadeHitsScratch shade_scratch_;
   Clock::time_point start_;
@@ -234,13 +236,13 @@ cache::PartStore::Options part_options(const RenderState& state, MemoryTag tag, 
 Status open_geometry(RenderState& state) {
   const Store& store = state.store;
   SPILLWAY_ASSIGN(state.page_parts,
-                  cache::PartStore::open(store.directory() / kTracePagesFile, page_parts(store),
+                  cache::PartStore::open(store.trace_pages_path(), page_parts(store),
                                          part_options(state, MemoryTag::pages, cache::IoPurpose::pages,
                                                       state.plan.page_bytes),
                                          cache::validate_trace_page));
   state.pages = std::make_unique<PageViews>(*state.page_parts);
   SPILLWAY_ASSIGN(auto attributes,
-                  cache::PartStore::open(store.directory() / kAttributesFile, attribute_parts(store),
+                  cache::PartStore::open(store.attributes_path(), attribute_parts(store),
                                          part_options(state, MemoryTag::attributes, cache::IoPurpose::attributes,
                                                       state.plan.attribute_bytes),
                                          cache::validate_attribute_block));
@@ -252,7 +254,7 @@ Status open_geometry(RenderState& state) {
 Status open_textures(RenderState& state) {
   const Store& store = state.store;
   if (!store.images().empty()) {
-    SPILLWAY_ASSIGN(state.textures, cache::TextureCache::open(store.directory() / kTexturesDirectory, store.images(),
+    SPILLWAY_ASSIGN(state.textures, cache::TextureCache::open(store.textures_path(), store.images(),
                                                               {.memory_limit_bytes = state.plan.texture_bytes}));
   }
   state.evaluator = std::make_unique<TextureEvaluator>(store.textures(), state.textures.get());
@@ -299,20 +301,32 @@ void fill_report(const RenderState& state, const cache::ProcessIo& before, Rende
   report.floor_bytes = memory_floor_bytes();
   const uint64_t known = report.memory_total.peak_bytes + report.floor_bytes;
   report.untagged_bytes = report.resident.peak_bytes > known ? report.resident.peak_bytes - known : 0;
-  report.bad_values = state.film->bad_value_count();
+  report.faults = state.film->faults();
   report.image_hash = state.film->hash();
 }
 
 }  // namespace
 
-FilmOptions film_options(const SceneSettings& settings, bool aov_layers) {
-  FilmOptions film;
-  film.full_width = settings.camera.resolution_x_px;
-  film.full_height = settings.camera.resolution_y_px;
-  film.window = pixel_window(settings);
-  film.aov_layers = aov_layers;
-  film.seed = settings.render.seed;
-  return film;
+FilmShape film_shape(const SceneSettings& settings, bool aov_layers) {
+  FilmShape shape;
+  shape.full_width = settings.camera.resolution_x_px;
+  shape.full_height = settings.camera.resolution_y_px;
+  const PixelWindow window = pixel_window(settings);
+  shape.window = {window.x0, window.y0, window.x1, window.y1};
+  shape.layers = aov_layers ? kAllLayers : 0;
+  return shape;
+}
+
+FilmIdentity film_identity(const Store& store, const SceneSettings& settings) {
+  RenderSettings render = settings.render;
+  render.samples_per_pixel = 0;  // films of different counts are parts of one image
+  uint64_t key = checksum(&settings.camera, sizeof settings.camera);
+  key = checksum(&settings.filter, sizeof settings.filter, key);
+  key = checksum(&render, sizeof render, key);
+  key = checksum(store.lights().data(), store.lights().size_bytes(), key);
+  key = checksum(store.materials().data(), store.materials().size_bytes(), key);
+  key = checksum(store.meshes().data(), store.meshes().size_bytes(), key);
+  return {key, fmt::format("gcc {}, glibc {}.{}", __VERSION__, __GLIBC__, __GLIBC_MINOR__)};
 }
 
 PixelWindow pixel_window(const SceneSettings& settings) {
@@ -334,7 +348,7 @@ SceneFacts scene_facts(const Store& store, const RenderOptions& options) {
   facts.texture_bytes = cache::TextureCache::bytes_for_all(store.images());
   facts.image_count = store.images().size();
   facts.table_bytes = store.table_bytes();
-  facts.film_bytes = Film::bytes(film_options(options.settings, options.aov_layers));
+  facts.film_bytes = Film::bytes(film_shape(options.settings, options.aov_layers));
   facts.pixel_count = pixel_window(options.settings).pixel_count();
   facts.samples_per_pixel = options.settings.render.samples_per_pixel;
   facts.max_depth = options.settings.render.max_depth;
@@ -352,7 +366,9 @@ Result<RenderedImage> render_image(const Store& store, const RenderOptions& opti
   SPILLWAY_TRY(open_scratch(state));
   SPILLWAY_TRY(open_geometry(state));
   SPILLWAY_TRY(open_textures(state));
-  state.film = std::make_unique<Film>(film_options(options.settings, options.aov_layers));
+  SPILLWAY_ASSIGN(Film film, Film::create(film_shape(options.settings, options.aov_layers),
+                                          film_identity(store, options.settings)));
+  state.film = std::make_unique<Film>(std::move(film));
   connect(state);
 
   RenderedImage image;

@@ -31,7 +31,6 @@ struct RenderOptions {
   // Meaning: these change the image. Camera, filter, resolution, spp, depth and seed are the settings'.
   SceneSettings settings;
   bool aov_layers = false;           // depth, normal, albedo, ids
-  bool half_buffers = false;         // both halves in the file
 
   // Performance: these must not.
   PlanOptions plan;                  // budget and shares
@@ -55,8 +54,10 @@ struct RenderedImage {
 
 // What the plan needs to know of a store and a frame.
 [[nodiscard]] SceneFacts scene_facts(const Store& store, const RenderOptions& options);
-[[nodiscard]] FilmOptions film_options(const SceneSettings& settings, bool aov_layers);
+[[nodiscard]] FilmShape film_shape(const SceneSettings& settings, bool aov_layers);
 [[nodiscard]] PixelWindow pixel_window(const SceneSettings& settings);
+// What must agree for two films to be parts of one image: the store's contents and the settings that change pixels.
+[[nodiscard]] FilmIdentity film_identity(const Store& store, const SceneSettings& settings);
 
 // Renders on the threads of the calling arena.
 Result<RenderedImage> render_image(const Store& store, const RenderOptions& options);

@@ -12,6 +12,7 @@
 #include "cache/file.h"
 #include "cache/part_store.h"
 #include "cache/texture_cache.h"
+#include "pipeline/render/film.h"
 #include "pipeline/render/plan.h"
 #include "pipeline/render/route_hits.h"
 #include "pipeline/render/shade_hits.h"
@@ -48,7 +49,7 @@ struct RenderReport {
   ResidentMemory resident;
   uint64_t floor_bytes = 0;          // resident when the program started
   uint64_t untagged_bytes = 0;       // peak resident - peak of the tags - floor; 0 when negative
-  uint64_t bad_values = 0;           // contributions that were not finite or out of range
+  FilmFaults faults;                 // contributions that were not finite or out of range
   std::string image_hash;
 };
 

@@ -141,12 +141,12 @@ struct ReferenceState {
 };
 
 Status open(const Store& store, const ReferenceOptions& options, ReferenceState& state) {
-  SPILLWAY_ASSIGN(auto parts, load_all(store.directory() / kAttributesFile, store.attributes(), MemoryTag::attributes,
+  SPILLWAY_ASSIGN(auto parts, load_all(store.attributes_path(), store.attributes(), MemoryTag::attributes,
                                        cache::validate_attribute_block));
   state.attributes = std::make_unique<AttributeStore>(std::move(parts), store.attributes());
   if (!store.images().empty()) {
     SPILLWAY_ASSIGN(state.textures,
-                    cache::TextureCache::open(store.directory() / kTexturesDirectory, store.images(),
+                    cache::TextureCache::open(store.textures_path(), store.images(),
                                               {.memory_limit_bytes = cache::TextureCache::bytes_for_all(store.images())}));
   }
   state.evaluator = std::make_unique<TextureEvaluator>(store.textures(), state.textures.get());
@@ -163,7 +163,7 @@ Status open(const Store& store, const ReferenceOptions& options, ReferenceState&
 }  // namespace
 
 Result<std::unique_ptr<Tracer>> kernel_tracer(const Store& store) {
-  SPILLWAY_ASSIGN(auto parts, load_all(store.directory() / kTracePagesFile, store.pages(), MemoryTag::pages,
+  SPILLWAY_ASSIGN(auto parts, load_all(store.trace_pages_path(), store.pages(), MemoryTag::pages,
                                        cache::validate_trace_page));
   return std::unique_ptr<Tracer>(std::make_unique<KernelTracer>(store, std::move(parts)));
 }
@@ -173,7 +173,8 @@ Result<std::unique_ptr<Film>> render_reference(const Store& store, const Tracer&
   ReferenceState state;
   SPILLWAY_TRY(open(store, options, state));
   const SceneSettings& settings = options.settings;
-  auto film = std::make_unique<Film>(film_options(settings, options.aov_layers));
+  SPILLWAY_ASSIGN(Film empty, Film::create(film_shape(settings, options.aov_layers), film_identity(store, settings)));
+  auto film = std::make_unique<Film>(std::move(empty));
   const uint32_t spp = settings.render.samples_per_pixel;
   CameraRays camera(settings.camera, settings.filter, pixel_window(settings), settings.render.seed);
   const Walker::Shared shared{tracer, state.inputs, *state.attributes, *film};
@@ -199,7 +200,7 @@ Result<std::unique_ptr<Film>> render_reference(const Store& store, const Tracer&
       });
       if (!failure) return failure.error();
     }
-    film->set_half_samples(half, samples);
+    film->set_half_samples(static_cast<int>(half), samples);
   }
   return film;
 }
