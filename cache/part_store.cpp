@@ -393,6 +393,7 @@ PartStore::~PartStore() = default;
 
 size_t PartStore::size() const { return state_->parts.size(); }
 bool PartStore::all_resident() const { return state_->resident_count == state_->parts.size(); }
+bool PartStore::fits() const { return state_->ring_bytes == 0; }
 bool PartStore::direct_effective() const { return state_->file.direct_effective(); }
 void PartStore::note_use(uint32_t part) { state_->slots[part].asked = true; }
 std::span<const std::byte> PartStore::resident(uint32_t part) const { return state_->bytes_of(part); }
@@ -447,7 +448,7 @@ size_t PartStore::State::swap_in(uint32_t newcomer, size_t first) {
 
 void PartStore::rebalance() {
   State& s = *state_;
-  if (s.ring_bytes == 0) return;  // everything fits: nothing ever leaves
+  if (fits()) return;
   s.rank();
   size_t gone = 0;
   for (const uint32_t newcomer : s.newcomers) {

@@ -84,6 +84,7 @@ class PartStore {
   void rebalance();
   [[nodiscard]] PartStoreCounters counters() const;
   [[nodiscard]] bool all_resident() const;
+  [[nodiscard]] bool fits() const;  // within the limit, all of them: nothing ever leaves
   [[nodiscard]] bool direct_effective() const;
 
  private:
