@@ -96,8 +96,8 @@ class WriteFile {
 // space say how much the scratch held and how much more was asked for.
 class Scratch {
  public:
-  static Result<std::unique_ptr<Scratch>> create(const std::filesystem::path& directory);
-  ~Scratch();
+  // limit_bytes: most bytes in use at a time; 0: what the disk has.
+  static Result<std::unique_ptr<Scratch>> create(const std::filesystem::path& directory, uint64_t limit_bytes = 0);
 
   // A new empty file, open for reading and writing at explicit offsets; direct I/O where possible.
   class File;
@@ -108,8 +108,13 @@ class Scratch {
   [[nodiscard]] const std::filesystem::path& directory() const { return directory_; }
 
  private:
-  explicit Scratch(std::filesystem::path directory) : directory_(std::move(directory)) {}
+  Scratch(std::filesystem::path directory, uint64_t limit_bytes)
+      : directory_(std::move(directory)), limit_bytes_(limit_bytes) {}
+  Status claim(uint64_t bytes, std::string_view what);
+  Error full(uint64_t bytes, std::string_view what) const;
+
   std::filesystem::path directory_;
+  uint64_t limit_bytes_;
   std::atomic<uint64_t> used_bytes_{0}, peak_bytes_{0};
   friend class File;
 };
@@ -126,7 +131,7 @@ class Scratch::File {
   Scratch* scratch_ = nullptr;
   std::string what_;
   int descriptor_ = -1;
-  uint64_t size_bytes_ = 0;
+  std::atomic<uint64_t> size_bytes_{0};
   IoPurpose purpose_ = IoPurpose::paths;
 };
 
