@@ -12,6 +12,7 @@ namespace spillway::pipeline {
 namespace {
 
 using cache::PageVisit;
+using cache::TraceCounters;
 using cache::TraceHit;
 using cache::TraceMode;
 using cache::TracePageView;
@@ -45,18 +46,24 @@ constexpr size_t kPrefetch = 8;        // rays ahead: rays and hits lie in anoth
 // that so few rays need is a good one to lose. 1/64 keeps the asking below one percent of the tracing.
 constexpr size_t kUseSample = 64;
 
+// Work of all threads.
+struct WorkSum {
+  std::atomic<uint64_t> nodes = 0, leaves = 0, pages = 0;
+  void add(const TraceCounters& work) { nodes += work.nodes, leaves += work.leaves, pages += work.pages; }
+};
+
 // Which pages a ray meets, in memory that grows with the longest answer.
 class VisitList {
  public:
   VisitList() : visits_(64) {}
   std::span<const PageVisit> met(const cache::PageTree& tree, cache::ResidentPages resident, uint32_t first,
-                                 uint32_t last, const TraceRay& ray, const TraceHit& hit) {
-    size_t count = cache::pages_met(tree, resident, first, last, ray, hit, visits_.data(), visits_.size());
-    if (count > visits_.size()) {
+                                 uint32_t last, TraceMode mode, const TraceRay& ray, const TraceHit& hit) {
+    while (true) {
+      const size_t count =
+          cache::pages_met(tree, resident, first, last, mode, ray, hit, visits_.data(), visits_.size());
+      if (count <= visits_.size()) return {visits_.data(), count};
       visits_.resize(2 * count);
-      count = cache::pages_met(tree, resident, first, last, ray, hit, visits_.data(), visits_.size());
     }
-    return {visits_.data(), count};
   }
 
  private:
@@ -73,9 +80,10 @@ class Tracer {
         pair_capacity_(std::min<uint64_t>(options.pair_limit_bytes / sizeof(Pair), UINT32_MAX)) {}
 
   void trace_all_resident();
-  void trace_resident_first();
+  bool trace_resident_first();
   void note_pages_used();
   Status sweep();
+  [[nodiscard]] TraceCounters work() const { return {work_.nodes, work_.leaves, work_.pages}; }
 
  private:
   [[nodiscard]] bool is_path(uint32_t ray) const { return ray < batch_.path_rays.size(); }
@@ -85,19 +93,19 @@ class Tracer {
   [[nodiscard]] TraceHit& hit_at(uint32_t ray) const {
     return is_path(ray) ? batch_.path_hits[ray] : batch_.shadow_hits[ray - batch_.path_rays.size()];
   }
-  // What culls pages: a path's nearest hit. Nothing but the ray's end culls for a shadow ray: something opaque behind a
-  // surface of unknown opacity still decides.
-  [[nodiscard]] TraceHit extent_of(uint32_t ray) const {
-    return is_path(ray) ? hit_at(ray) : cache::no_hit(ray_at(ray));
+  // The pages in [first, last) that the ray must still visit.
+  std::span<const PageVisit> pages_ahead(uint32_t ray, uint32_t first, uint32_t last, VisitList& visits) const {
+    const TraceMode mode = is_path(ray) ? TraceMode::nearest : TraceMode::occlusion;
+    return visits.met(tree_, pages_.resident(), first, last, mode, ray_at(ray), hit_at(ray));
   }
   void prefetch(uint32_t ray) const {
     __builtin_prefetch(&ray_at(ray));
     __builtin_prefetch(&hit_at(ray), 1);
   }
-  bool trace_first(uint32_t ray) const;
-  void trace_page(const TracePageView& view, uint32_t instance, uint32_t ray) const;
+  bool trace_first(uint32_t ray, TraceCounters& work) const;
+  void trace_page(const TracePageView& view, uint32_t instance, uint32_t ray, TraceCounters& work) const;
   template <class Body>
-  void for_each_waiting(size_t first, size_t last, const Body& body) const;
+  void for_each_waiting(size_t first, size_t last, const Body& body);
 
   Cell& cell(size_t chunk, uint32_t page) { return cells_[chunk * page_count_ + page]; }
   template <class Body>
@@ -106,6 +114,7 @@ class Tracer {
   std::vector<Window> cut_windows();
   void place_cells(const Window& window);
   void emit_pairs(const Window& window);
+  bool is_needed(uint32_t page);
   void list_pages(const Window& window);
   void cut_blocks(uint32_t page);
   void trace_pairs(uint32_t page, const TracePageView& view);
@@ -119,6 +128,7 @@ class Tracer {
   const size_t block_;
   const uint64_t pair_capacity_;
 
+  WorkSum work_;
   Buffer<uint64_t> waiting_;  // a bit for each place in the order: the ray met pages that are not in memory
   size_t chunk_count_ = 0, chunk_rays_ = 0;
   Buffer<Cell> cells_;  // [chunk][page]
@@ -131,11 +141,12 @@ class Tracer {
 // ---- resident pages ----
 
 // Returns whether pages that are not in memory remain for the ray.
-bool Tracer::trace_first(uint32_t ray) const {
+bool Tracer::trace_first(uint32_t ray, TraceCounters& work) const {
   const TraceRay& r = ray_at(ray);
   TraceHit hit = cache::no_hit(r);
-  const bool more = is_path(ray) ? cache::trace_resident<TraceMode::nearest>(tree_, pages_.resident(), r, hit)
-                                 : cache::trace_resident<TraceMode::occlusion>(tree_, pages_.resident(), r, hit);
+  const bool more = is_path(ray)
+                        ? cache::trace_resident<TraceMode::nearest>(tree_, pages_.resident(), r, hit, work)
+                        : cache::trace_resident<TraceMode::occlusion>(tree_, pages_.resident(), r, hit, work);
   const bool occluded = (hit.flags & cache::kHitOccluded) != 0;
   hit_at(ray) = occluded ? kOccluded : hit;
   return more && !occluded;
@@ -143,27 +154,30 @@ bool Tracer::trace_first(uint32_t ray) const {
 
 void Tracer::trace_all_resident() {
   parallel_blocks(batch_.order.size(), block_, [&](size_t, size_t first, size_t last) {
+    TraceCounters work;
     for (size_t i = first; i < last; ++i) {
       if (i + kPrefetch < last) prefetch(batch_.order[i + kPrefetch]);
-      trace_first(batch_.order[i]);
+      trace_first(batch_.order[i], work);
     }
+    work_.add(work);
   });
 }
 
-void Tracer::trace_resident_first() {
+// Returns whether any ray waits for pages that are not in memory.
+bool Tracer::trace_resident_first() {
   waiting_ = Buffer<uint64_t>(MemoryTag::rays, block_count(batch_.order.size(), kWordRays));
-  std::atomic<uint64_t> waiting_count = 0;
+  std::atomic<bool> any = false;
   parallel_blocks(batch_.order.size(), block_, [&](size_t, size_t first, size_t last) {
-    uint64_t count = 0;
+    TraceCounters work;
     for (size_t i = first; i < last; ++i) {
       if (i + kPrefetch < last) prefetch(batch_.order[i + kPrefetch]);
-      if (!trace_first(batch_.order[i])) continue;
+      if (!trace_first(batch_.order[i], work)) continue;
       waiting_[i / kWordRays] |= uint64_t{1} << (i % kWordRays);
-      ++count;
+      any.store(true, std::memory_order_relaxed);
     }
-    waiting_count += count;
+    work_.add(work);
   });
-  report_.resident_only_count = batch_.order.size() - waiting_count;
+  return any;
 }
 
 void Tracer::note_pages_used() {
@@ -174,7 +188,9 @@ void Tracer::note_pages_used() {
     VisitList visits;
     for (size_t i = first; i < last; ++i) {
       const uint32_t ray = batch_.order[i * kUseSample];
-      for (const PageVisit& visit : visits.met(tree_, {none.data()}, 0, page_count_, ray_at(ray), hit_at(ray)))
+      const TraceMode mode = is_path(ray) ? TraceMode::nearest : TraceMode::occlusion;
+      for (const PageVisit& visit :
+           visits.met(tree_, {none.data()}, 0, page_count_, mode, ray_at(ray), hit_at(ray)))
         used[visit.page].store(1, std::memory_order_relaxed);
     }
   });
@@ -185,13 +201,15 @@ void Tracer::note_pages_used() {
 
 // ---- the sweep: which rays wait for which pages ----
 
-// Calls body(ray) for the rays of [first, last) of the order that still wait; first is a multiple of kWordRays.
+// Calls body(ray) for the rays of [first, last) of the order that still wait, and lets those go for which it returns
+// false or that are occluded by now; first is a multiple of kWordRays.
 template <class Body>
-void Tracer::for_each_waiting(size_t first, size_t last, const Body& body) const {
+void Tracer::for_each_waiting(size_t first, size_t last, const Body& body) {
   for (size_t word = first / kWordRays; word < block_count(last, kWordRays); ++word) {
     for (uint64_t bits = waiting_[word]; bits != 0; bits &= bits - 1) {
       const uint32_t ray = batch_.order[word * kWordRays + static_cast<size_t>(std::countr_zero(bits))];
-      if ((hit_at(ray).flags & cache::kHitOccluded) == 0) body(ray);
+      const bool occluded = (hit_at(ray).flags & cache::kHitOccluded) != 0;
+      if (occluded || !body(ray)) waiting_[word] &= ~(bits & -bits);
     }
   }
 }
@@ -207,36 +225,37 @@ void Tracer::count_pairs() {
   chunk_rays_ = block_count(block_count(ray_count, most), block_) * block_;
   chunk_count_ = block_count(ray_count, chunk_rays_);
   cells_ = Buffer<Cell>(MemoryTag::rays, chunk_count_ * page_count_);
+  std::atomic<uint64_t> waiting_count = 0;
   for_each_chunk([&](size_t chunk, size_t first, size_t last) {
     VisitList visits;
+    uint64_t count = 0;
     for_each_waiting(first, last, [&](uint32_t ray) {
-      for (const PageVisit& visit : visits.met(tree_, pages_.resident(), 0, page_count_, ray_at(ray), extent_of(ray)))
-        ++cell(chunk, visit.page).count;
+      const std::span<const PageVisit> ahead = pages_ahead(ray, 0, page_count_, visits);
+      for (const PageVisit& visit : ahead) ++cell(chunk, visit.page).count;
+      count += !ahead.empty();
+      return !ahead.empty();
     });
+    waiting_count += count;
   });
+  report_.resident_only_count = ray_count - waiting_count;
   page_pairs_.assign(page_count_, 0);
   for (size_t chunk = 0; chunk < chunk_count_; ++chunk)
     for (uint32_t page = 0; page < page_count_; ++page) page_pairs_[page] += cell(chunk, page).count;
 }
 
-// Consecutive pages whose pairs fit together; pages that do not fit alone are met ray by ray, and so is a page that
-// would be alone in its window: nothing would be gained by writing its pairs down.
+// Consecutive pages whose pairs fit together; pages that do not fit alone are met ray by ray.
 std::vector<Window> Tracer::cut_windows() {
   std::vector<Window> windows;
-  std::vector<uint32_t> touched_count;
   for (uint32_t page = 0; page < page_count_; ++page) {
     const uint64_t count = page_pairs_[page];
     if (count == 0) continue;
     const bool by_ray = count > pair_capacity_;
     const bool goes_on = !windows.empty() && windows.back().by_ray == by_ray &&
                          (by_ray || windows.back().pair_count + count <= pair_capacity_);
-    if (!goes_on) windows.push_back({page, page, 0, by_ray}), touched_count.push_back(0);
+    if (!goes_on) windows.push_back({page, page, 0, by_ray});
     windows.back().last_page = page + 1;
     windows.back().pair_count += count;
-    ++touched_count.back();
   }
-  for (size_t i = 0; i < windows.size(); ++i)
-    if (touched_count[i] == 1) windows[i].by_ray = true;
   return windows;
 }
 
@@ -257,35 +276,48 @@ void Tracer::emit_pairs(const Window& window) {
   for_each_chunk([&](size_t chunk, size_t first, size_t last) {
     VisitList visits;
     for_each_waiting(first, last, [&](uint32_t ray) {
-      for (const PageVisit& visit : visits.met(tree_, pages_.resident(), window.first_page, window.last_page,
-                                               ray_at(ray), extent_of(ray))) {
+      for (const PageVisit& visit : pages_ahead(ray, window.first_page, window.last_page, visits)) {
         Cell& c = cell(chunk, visit.page);
         pairs_[c.start + c.count++] = {ray, visit.instance};
       }
+      return true;
     });
   });
+}
+
+// Whether a waiting ray must visit the page; most often one of the first that are asked.
+bool Tracer::is_needed(uint32_t page) {
+  std::atomic<bool> needed = false;
+  for_each_chunk([&](size_t, size_t first, size_t last) {
+    VisitList visits;
+    for_each_waiting(first, last, [&](uint32_t ray) {
+      if (!needed.load(std::memory_order_relaxed) && !pages_ahead(ray, page, page + 1, visits).empty()) needed = true;
+      return true;
+    });
+  });
+  return needed;
 }
 
 // The pages of the window that some ray must still visit.
 void Tracer::list_pages(const Window& window) {
   window_pages_.clear();
   for (uint32_t page = window.first_page; page < window.last_page; ++page) {
-    uint64_t count = window.by_ray ? page_pairs_[page] : 0;
-    if (!window.by_ray)
-      for (size_t chunk = 0; chunk < chunk_count_; ++chunk) count += cell(chunk, page).count;
-    if (count > 0) window_pages_.push_back(page);
+    if (page_pairs_[page] == 0) continue;
+    bool needed = window.by_ray && is_needed(page);
+    for (size_t chunk = 0; chunk < chunk_count_ && !window.by_ray; ++chunk) needed |= cell(chunk, page).count > 0;
+    if (needed) window_pages_.push_back(page);
   }
 }
 
 // ---- the sweep: tracing a page ----
 
-// The tree's root is the check whether the page is still ahead of the hit.
-void Tracer::trace_page(const TracePageView& view, uint32_t instance, uint32_t ray) const {
-  TraceHit& hit = hit_at(ray);
-  if (is_path(ray)) return cache::trace_page<TraceMode::nearest>(view, instance, tree_, ray_at(ray), hit);
+// The root of the page's tree is the check whether the page is still ahead of the hit.
+void Tracer::trace_page(const TracePageView& view, uint32_t instance, uint32_t ray, TraceCounters& work) const {
+  TraceHit hit = hit_at(ray);
   if ((hit.flags & cache::kHitOccluded) != 0) return;
-  cache::trace_page<TraceMode::occlusion>(view, instance, tree_, ray_at(ray), hit);
-  if ((hit.flags & cache::kHitOccluded) != 0) hit = kOccluded;
+  if (is_path(ray)) cache::trace_page<TraceMode::nearest>(view, instance, tree_, ray_at(ray), hit, work);
+  if (!is_path(ray)) cache::trace_page<TraceMode::occlusion>(view, instance, tree_, ray_at(ray), hit, work);
+  hit_at(ray) = (hit.flags & cache::kHitOccluded) != 0 ? kOccluded : hit;
 }
 
 // Blocks of pairs for tasks; they end where a ray ends, since only one task may write its hit.
@@ -307,10 +339,12 @@ void Tracer::trace_pairs(uint32_t page, const TracePageView& view) {
   cut_blocks(page);
   parallel_blocks(blocks_.size(), 1, [&](size_t block, size_t, size_t) {
     const auto [first, last] = blocks_[block];
+    TraceCounters work;
     for (uint32_t i = first; i < last; ++i) {
       if (i + kPrefetch < last) prefetch(pairs_[i + kPrefetch].ray);
-      trace_page(view, pairs_[i].instance, pairs_[i].ray);
+      trace_page(view, pairs_[i].instance, pairs_[i].ray, work);
     }
+    work_.add(work);
   });
   for (const auto& [first, last] : blocks_) report_.pair_count += last - first;
 }
@@ -319,15 +353,16 @@ void Tracer::trace_by_ray(uint32_t page, const TracePageView& view) {
   std::atomic<uint64_t> pair_count = 0;
   parallel_blocks(batch_.order.size(), block_, [&](size_t, size_t first, size_t last) {
     VisitList visits;
+    TraceCounters work;
     uint64_t count = 0;
     for_each_waiting(first, last, [&](uint32_t ray) {
-      for (const PageVisit& visit :
-           visits.met(tree_, pages_.resident(), page, page + 1, ray_at(ray), extent_of(ray))) {
-        trace_page(view, visit.instance, ray);
-        ++count;
-      }
+      const std::span<const PageVisit> ahead = pages_ahead(ray, page, page + 1, visits);
+      for (const PageVisit& visit : ahead) trace_page(view, visit.instance, ray, work);
+      count += ahead.size();
+      return true;
     });
     pair_count += count;
+    work_.add(work);
   });
   report_.pair_count += pair_count;
 }
@@ -357,7 +392,7 @@ Status Tracer::sweep() {
 
 // ---- the stage ----
 
-PageViews::PageViews(cache::PartStore& pages) : pages_(&pages), views_(MemoryTag::scene, pages.size()) {
+PageViews::PageViews(cache::PartStore& pages) : pages_(&pages), views_(MemoryTag::page_tree, pages.size()) {
   const auto follow = [this](uint32_t page, std::span<const std::byte> bytes) {
     views_[page] = bytes.empty() ? cache::TracePageView{} : cache::trace_page_view(bytes);
   };
@@ -374,14 +409,18 @@ Status trace_rays(const cache::PageTree& tree, PageViews& pages, const TraceBatc
   SPILLWAY_CHECK(batch.shadow_hits.size(), ==, batch.shadow_rays.size());
   report = {};
   report.ray_count = report.resident_only_count = batch.order.size();
+  if (batch.order.empty()) return {};
   Tracer tracer(tree, pages, batch, options, report);
+  Status status;
   if (pages.pages().all_resident()) {
     tracer.trace_all_resident();
-    return {};
+  } else {
+    const bool more = tracer.trace_resident_first();
+    if (!pages.pages().fits()) tracer.note_pages_used();
+    if (more) status = tracer.sweep();
   }
-  tracer.trace_resident_first();
-  if (!pages.pages().fits()) tracer.note_pages_used();
-  return report.resident_only_count == report.ray_count ? Status() : tracer.sweep();
+  report.work = tracer.work();
+  return status;
 }
 
 }  // namespace spillway::pipeline
