@@ -1,0 +1,52 @@
+#pragma once
+
+// The triangles of a scene between import and packing: in chunks as the attribute file will hold them, on disk.
+//
+// Owns: one scratch file (its name is unlinked at birth, so that nothing is left behind however the process ends).
+// Memory: tag pack, one write buffer; of a chunk nothing but its table row stays.
+// Threads: append() by one thread; after seal(), read() by any number at once.
+// Fails: the scratch file's errors.
+// Format: chunks one after the other, 16-aligned: a chunk's columns are those of an attribute segment.
+
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "cache/attribute_block.h"
+#include "cache/file.h"
+
+namespace spillway::pipeline {
+
+enum MeshChunkColumn : uint32_t { kChunkNormals = 1, kChunkUvs = 2 };
+
+// Faces of one mesh that follow each other, at most kMaxFacesPerAttributeBlock, with their own deduplicated vertices.
+struct MeshChunk {
+  uint64_t offset_bytes = 0;
+  uint32_t face_count = 0;
+  uint32_t vertex_count = 0;
+  uint32_t columns = 0;  // MeshChunkColumn
+};
+
+class MeshSpool {
+ public:
+  static Result<MeshSpool> create(cache::Scratch& scratch);
+
+  Result<MeshChunk> append(const cache::AttributeSegmentData& data);
+  Status seal();  // nothing may be appended afterwards
+
+  // Indices and positions, and the other columns when `everything`. mesh and first_prim are the caller's.
+  Result<cache::AttributeSegmentData> read(const MeshChunk& chunk, bool everything) const;
+
+ private:
+  MeshSpool() = default;
+  Status append_bytes(std::span<const std::byte> bytes);
+  Status flush();
+  Status read_bytes(uint64_t offset, std::span<std::byte> bytes) const;
+
+  std::unique_ptr<cache::Scratch::File> file_;
+  Buffer<std::byte> buffer_;
+  size_t buffered_ = 0;
+  uint64_t flushed_bytes_ = 0;
+};
+
+}  // namespace spillway::pipeline
