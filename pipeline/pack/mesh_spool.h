@@ -10,10 +10,12 @@
 
 #include <memory>
 #include <span>
+#include <string>
 #include <vector>
 
 #include "cache/attribute_block.h"
 #include "cache/file.h"
+#include "pipeline/scene.h"
 
 namespace spillway::pipeline {
 
@@ -25,6 +27,34 @@ struct MeshChunk {
   uint32_t face_count = 0;
   uint32_t vertex_count = 0;
   uint32_t columns = 0;  // MeshChunkColumn
+};
+
+// A mesh as imported. Of its triangles only the number is known here; they are in the spool.
+struct SpooledMesh {
+  std::string name;
+  Mesh row{};  // prim_base and light_base are set when all meshes are known
+  bool emits = false;
+  bool emits_two_sided = false;
+  Rgb emission{0, 0, 0};
+  std::vector<MeshChunk> chunks;
+};
+
+// A chunk once meshes are numbered.
+struct PlacedChunk {
+  MeshChunk chunk;
+  uint32_t mesh;
+  uint32_t first_prim;
+};
+
+class MeshSpool;
+
+// What the stages of packing read: meshes by MeshId, their chunks by ascending prim.
+struct SpooledScene {
+  std::vector<SpooledMesh> meshes;
+  std::vector<PlacedChunk> chunks;
+  uint32_t prim_count = 0;
+  uint32_t object_count = 1;
+  const MeshSpool* spool = nullptr;
 };
 
 class MeshSpool {
