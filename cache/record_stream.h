@@ -38,6 +38,7 @@ class ByteStream {
 
   Status append(std::span<const std::byte> records);
   Status finish();  // flushes; afterwards only reads
+  void clear();     // empty again, ready for appends; keeps its memory, gives its scratch back
   [[nodiscard]] uint64_t size() const;  // records
   [[nodiscard]] uint64_t spilled_bytes() const;
   // Copies records [first, first + out.size() / record_bytes) to out. Sequential readers should ask for whole
@@ -58,6 +59,7 @@ class RecordStream {
   explicit RecordStream(StreamOptions options) : bytes_(sizeof(T), std::move(options)) {}
   Status append(std::span<const T> records) { return bytes_.append(std::as_bytes(records)); }
   Status finish() { return bytes_.finish(); }
+  void clear() { bytes_.clear(); }
   [[nodiscard]] uint64_t size() const { return bytes_.size(); }
   [[nodiscard]] uint64_t spilled_bytes() const { return bytes_.spilled_bytes(); }
   [[nodiscard]] uint64_t records_per_block() const { return bytes_.records_per_block(); }
