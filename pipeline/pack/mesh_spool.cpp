@@ -7,7 +7,12 @@ namespace spillway::pipeline {
 namespace {
 
 constexpr size_t kBufferBytes = 4 << 20;  // large sequential writes; a chunk has about 0.2 to 0.6 MB
+constexpr uint64_t kWindowBytes = 1 << 20;   // a direct read of 4 KiB costs about as much as one of 64
 constexpr uint64_t kChunkAlignment = 16;
+
+uint64_t direct_aligned(uint64_t n) {
+  return (n + cache::kDirectAlignment - 1) / cache::kDirectAlignment * cache::kDirectAlignment;
+}
 
 uint64_t chunk_bytes(const MeshChunk& chunk, bool everything) {
   const uint64_t vertices = chunk.vertex_count;
@@ -62,7 +67,7 @@ Status MeshSpool::append_bytes(std::span<const std::byte> bytes) {
 
 Status MeshSpool::flush() {
   if (buffered_ == 0) return {};
-  const size_t padded = (buffered_ + cache::kDirectAlignment - 1) / cache::kDirectAlignment * cache::kDirectAlignment;
+  const size_t padded = direct_aligned(buffered_);
   std::memset(buffer_.data() + buffered_, 0, padded - buffered_);
   SPILLWAY_TRY(file_->write(flushed_bytes_, std::span<const std::byte>(buffer_.data(), padded)));
   flushed_bytes_ += padded;
@@ -76,21 +81,22 @@ Status MeshSpool::seal() {
   return {};
 }
 
-Status MeshSpool::read_bytes(uint64_t offset, std::span<std::byte> bytes) const {
-  const uint64_t first = offset / cache::kDirectAlignment * cache::kDirectAlignment;
-  const uint64_t last = (offset + bytes.size() + cache::kDirectAlignment - 1) / cache::kDirectAlignment *
-                        cache::kDirectAlignment;
-  Buffer<std::byte> around(MemoryTag::pack, last - first);
-  SPILLWAY_TRY(file_->read(first, around));
-  std::memcpy(bytes.data(), around.data() + (offset - first), bytes.size());
-  return {};
+Result<const std::byte*> SpoolReader::bytes(uint64_t offset, uint64_t size) {
+  if (offset < window_begin_ || offset + size > window_end_) {
+    const uint64_t begin = offset / cache::kDirectAlignment * cache::kDirectAlignment;
+    const uint64_t end = std::min(begin + std::max(kWindowBytes, direct_aligned(offset + size - begin)),
+                                  spool_.flushed_bytes_);
+    window_begin_ = window_end_ = 0;
+    if (window_.size() < end - begin) window_ = Buffer<std::byte>(MemoryTag::pack, end - begin);
+    SPILLWAY_TRY(spool_.file_->read(begin, std::span<std::byte>(window_.data(), end - begin)));
+    window_begin_ = begin, window_end_ = end;
+  }
+  return window_.data() + (offset - window_begin_);
 }
 
-Result<cache::AttributeSegmentData> MeshSpool::read(const MeshChunk& chunk, bool everything) const {
-  std::vector<std::byte> bytes(chunk_bytes(chunk, everything));
-  SPILLWAY_TRY(read_bytes(chunk.offset_bytes, bytes));
+Result<cache::AttributeSegmentData> SpoolReader::read(const MeshChunk& chunk, bool everything) {
+  SPILLWAY_ASSIGN(const std::byte* from, bytes(chunk.offset_bytes, chunk_bytes(chunk, everything)));
   cache::AttributeSegmentData data;
-  const std::byte* from = bytes.data();
   from = take(from, data.indices, size_t{3} * chunk.face_count);
   from = take(from, data.positions, chunk.vertex_count);
   if (everything && (chunk.columns & kChunkNormals)) from = take(from, data.normals, chunk.vertex_count);

@@ -4,7 +4,7 @@
 //
 // Owns: one scratch file (its name is unlinked at birth, so that nothing is left behind however the process ends).
 // Memory: tag pack, one write buffer; of a chunk nothing but its table row stays.
-// Threads: append() by one thread; after seal(), read() by any number at once.
+// Threads: append() by one thread; after seal(), any number of SpoolReaders at once, each of one thread.
 // Fails: the scratch file's errors.
 // Format: chunks one after the other, 16-aligned: a chunk's columns are those of an attribute segment.
 
@@ -64,19 +64,32 @@ class MeshSpool {
   Result<MeshChunk> append(const cache::AttributeSegmentData& data);
   Status seal();  // nothing may be appended afterwards
 
-  // Indices and positions, and the other columns when `everything`. mesh and first_prim are the caller's.
-  Result<cache::AttributeSegmentData> read(const MeshChunk& chunk, bool everything) const;
-
  private:
   MeshSpool() = default;
   Status append_bytes(std::span<const std::byte> bytes);
   Status flush();
-  Status read_bytes(uint64_t offset, std::span<std::byte> bytes) const;
 
+  friend class SpoolReader;
   std::unique_ptr<cache::Scratch::File> file_;
   Buffer<std::byte> buffer_;
   size_t buffered_ = 0;
   uint64_t flushed_bytes_ = 0;
+};
+
+// Reads chunks of a sealed spool through a window of a MiB, since small chunks usually follow each other.
+class SpoolReader {
+ public:
+  explicit SpoolReader(const MeshSpool& spool) : spool_(spool) {}
+
+  // Indices and positions, and the other columns when `everything`. mesh and first_prim are left to the caller.
+  Result<cache::AttributeSegmentData> read(const MeshChunk& chunk, bool everything);
+
+ private:
+  Result<const std::byte*> bytes(uint64_t offset, uint64_t size);
+
+  const MeshSpool& spool_;
+  Buffer<std::byte> window_;
+  uint64_t window_begin_ = 0, window_end_ = 0;  // of the spool
 };
 
 }  // namespace spillway::pipeline

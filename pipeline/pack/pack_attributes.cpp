@@ -12,11 +12,12 @@ size_t block_end(const std::vector<PlacedChunk>& chunks, size_t first) {
   return last;
 }
 
-Result<AttributeLocation> write_block(const SpooledScene& scene, size_t first, size_t last, cache::WriteFile& file) {
+Result<AttributeLocation> write_block(const SpooledScene& scene, SpoolReader& reader, size_t first, size_t last,
+                                      cache::WriteFile& file) {
   std::vector<cache::AttributeSegmentData> segments;
   uint32_t prims = 0;
   for (size_t c = first; c < last; ++c) {
-    SPILLWAY_ASSIGN(segments.emplace_back(), scene.spool->read(scene.chunks[c].chunk, true));
+    SPILLWAY_ASSIGN(segments.emplace_back(), reader.read(scene.chunks[c].chunk, true));
     segments.back().mesh = scene.chunks[c].mesh;
     segments.back().first_prim = scene.chunks[c].first_prim;
     prims += scene.chunks[c].chunk.face_count;
@@ -35,9 +36,10 @@ Result<AttributeLocation> write_block(const SpooledScene& scene, size_t first, s
 
 Result<std::vector<AttributeLocation>> pack_attributes(const SpooledScene& scene, cache::WriteFile& file) {
   std::vector<AttributeLocation> locations;
+  SpoolReader reader(*scene.spool);
   for (size_t first = 0; first < scene.chunks.size();) {
     const size_t last = block_end(scene.chunks, first);
-    SPILLWAY_ASSIGN(locations.emplace_back(), write_block(scene, first, last, file));
+    SPILLWAY_ASSIGN(locations.emplace_back(), write_block(scene, reader, first, last, file));
     first = last;
   }
   return locations;

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 
+#include "cache/base/parallel.h"
 #include "pipeline/pack/cluster_pages.h"
 #include "pipeline/pack/parallel_status.h"
 
@@ -13,6 +14,7 @@ namespace {
 // While a page is built: 40 of the triangle, 32 of Embree's primitive and about 100 of its tree, 50 of the page with
 // full leaves and four times that with leaves of one.
 constexpr uint64_t kBuildBytesPerTriangle = 400;
+constexpr size_t kChunksPerRead = 16;  // a task: 16 large chunks are 5 MB, small ones share a read
 
 struct PageInput {
   std::vector<PackTriangle> triangles;          // by ascending prim
@@ -38,15 +40,21 @@ std::vector<ObjectChunks> chunks_by_object(const SpooledScene& scene) {
   return objects;
 }
 
+Status load_chunk(const PlacedChunk& placed, SpoolReader& reader, std::span<ClusterItem> items) {
+  SPILLWAY_ASSIGN(const cache::AttributeSegmentData data, reader.read(placed.chunk, false));
+  for (uint32_t face = 0; face < placed.chunk.face_count; ++face) {
+    items[face] = {{}, placed.first_prim + face};
+    for (int k = 0; k < 3; ++k) items[face].bounds.grow(data.positions[data.indices[3 * face + k]]);
+  }
+  return {};
+}
+
 Status load_items(const SpooledScene& scene, const ObjectChunks& object, std::span<ClusterItem> items) {
-  return parallel_status(object.chunks.size(), [&](size_t c) -> Status {
-    const PlacedChunk& placed = *object.chunks[c];
-    SPILLWAY_ASSIGN(const cache::AttributeSegmentData data, scene.spool->read(placed.chunk, false));
-    for (uint32_t face = 0; face < placed.chunk.face_count; ++face) {
-      ClusterItem item{{}, placed.first_prim + face};
-      for (int k = 0; k < 3; ++k) item.bounds.grow(data.positions[data.indices[3 * face + k]]);
-      items[object.first_item[c] + face] = item;
-    }
+  return parallel_status(block_count(object.chunks.size(), kChunksPerRead), [&](size_t block) -> Status {
+    SpoolReader reader(*scene.spool);
+    const size_t end = std::min(object.chunks.size(), (block + 1) * kChunksPerRead);
+    for (size_t c = block * kChunksPerRead; c < end; ++c)
+      SPILLWAY_TRY(load_chunk(*object.chunks[c], reader, items.subspan(object.first_item[c])));
     return {};
   });
 }
@@ -111,14 +119,14 @@ void face_uvs(const cache::AttributeSegmentData& data, const uint16_t* corner, F
 class BatchFiller {
  public:
   BatchFiller(const SpooledScene& scene, const PagePlan& plan, const BakeMicromap& bake, uint32_t first, uint32_t last)
-      : scene_(scene), plan_(plan), bake_(bake), first_(first), last_(last), inputs_(last - first) {
+      : scene_(scene), plan_(plan), bake_(bake), reader_(*scene.spool), first_(first), last_(last), inputs_(last - first) {
     for (uint32_t p = first; p < last; ++p) inputs_[p - first].triangles.reserve(plan.pages[p].triangle_count);
   }
 
   Status add_chunk(const PlacedChunk& placed) {
     const uint32_t alpha = scene_.meshes[placed.mesh].row.alpha_texture;
     SPILLWAY_ASSIGN(const cache::AttributeSegmentData data,
-                    scene_.spool->read(placed.chunk, alpha != TextureId::kNone));
+                    reader_.read(placed.chunk, alpha != TextureId::kNone));
     std::vector<std::vector<std::byte>> micromaps;
     if (alpha != TextureId::kNone) SPILLWAY_TRY(bake_chunk(placed, data, alpha, micromaps));
     for (uint32_t face = 0; face < placed.chunk.face_count; ++face) {
@@ -165,6 +173,7 @@ class BatchFiller {
   const SpooledScene& scene_;
   const PagePlan& plan_;
   const BakeMicromap& bake_;
+  SpoolReader reader_;
   uint32_t first_, last_;
   std::vector<PageInput> inputs_;
 };
