@@ -37,13 +37,24 @@ Status set_bytes(const std::string& text, uint64_t& bytes) {
   return {};
 }
 
+// Another resolution sees the same along the shorter axis.
+void set_resolution(SceneSettings& settings, Resolution r) {
+  shading::Camera& camera = settings.camera;
+  const float shorter = std::min(camera.tan_half_fov_x, camera.tan_half_fov_y);
+  const float aspect = static_cast<float>(r.x) / static_cast<float>(r.y);
+  camera.tan_half_fov_x = shorter * std::max(1.0f, aspect);
+  camera.tan_half_fov_y = shorter * std::max(1.0f, 1 / aspect);
+  camera.resolution_x_px = r.x, camera.resolution_y_px = r.y;
+  settings.film.crop_x0 = settings.film.crop_x1 = settings.film.crop_y0 = settings.film.crop_y1 = 0;
+}
+
 Status override_settings(const RenderArguments& arguments, SceneSettings& settings) {
   if (arguments.spp != 0) settings.render.samples_per_pixel = arguments.spp;
   if (arguments.max_depth >= 0) settings.render.max_depth = static_cast<uint32_t>(arguments.max_depth);
   if (arguments.has_seed) settings.render.seed = arguments.seed;
   if (!arguments.resolution.empty()) {
     SPILLWAY_ASSIGN(const Resolution r, parse_resolution(arguments.resolution));
-    set_resolution(settings, r.x, r.y);
+    set_resolution(settings, r);
   }
   if (!arguments.crop.empty()) {
     SPILLWAY_ASSIGN(const Crop c, parse_crop(arguments.crop));
@@ -135,8 +146,6 @@ Result<int> render(const RenderArguments& arguments) {
   SPILLWAY_ASSIGN(RenderOptions options, render_options(arguments, store));
   std::signal(SIGINT, request_stop);
   std::signal(SIGTERM, request_stop);
-  cache::TraceLog log;
-  if (!arguments.trace.empty()) options.trace_log = &log;
   Progress progress(arguments.scene.quiet);
   options.on_progress = [&](const RenderProgress& p) { progress.show(p); };
   SPILLWAY_ASSIGN(const RenderedImage image, render_image(store, options));
@@ -144,7 +153,6 @@ Result<int> render(const RenderArguments& arguments) {
   SPILLWAY_TRY(write_picture(arguments, options, image));
   const std::string json = report_json(image.report, store.directory().string());
   if (!arguments.report.empty()) SPILLWAY_TRY(write_text(arguments.report, json));
-  if (!arguments.trace.empty()) SPILLWAY_TRY(log.write(arguments.trace));
   if (arguments.json) fmt::print("{}\n", json);
   if (!arguments.json && !arguments.scene.quiet) fmt::print(stderr, "{}", report_table(image.report));
   if (const FilmFaults& faults = image.report.faults; faults.any()) {

@@ -20,9 +20,11 @@ double seconds_since(Clock::time_point start) { return std::chrono::duration<dou
 
 // Everything that lives as long as the render.
 struct RenderState {
+  RenderState(const Store& s, const RenderOptions& o) : store(s), options(o) {}
+
   const Store& store;
   const RenderOptions& options;
-  Plan plan;
+  Plan plan = {};
   std::unique_ptr<cache::Scratch> scratch;
   std::unique_ptr<cache::PartStore> page_parts;
   std::unique_ptr<PageViews> pages;
@@ -347,7 +349,8 @@ SceneFacts scene_facts(const Store& store, const RenderOptions& options) {
   }
   facts.texture_bytes = cache::TextureCache::bytes_for_all(store.images());
   facts.image_count = store.images().size();
-  facts.table_bytes = store.table_bytes();
+  for (const MemoryTag tag : {MemoryTag::scene, MemoryTag::page_tree, MemoryTag::lights})
+    facts.table_bytes += memory_use(tag).current_bytes;  // held since the store was opened
   facts.film_bytes = Film::bytes(film_shape(options.settings, options.aov_layers));
   facts.pixel_count = pixel_window(options.settings).pixel_count();
   facts.samples_per_pixel = options.settings.render.samples_per_pixel;
@@ -358,7 +361,7 @@ SceneFacts scene_facts(const Store& store, const RenderOptions& options) {
 Result<RenderedImage> render_image(const Store& store, const RenderOptions& options) {
   memory_reset_peaks();
   const cache::ProcessIo io_before = cache::process_io();
-  RenderState state{store, options};
+  RenderState state(store, options);
   PlanOptions plan_options = options.plan;
   plan_options.floor_bytes = memory_floor_bytes();
   SPILLWAY_ASSIGN(state.plan, plan_render(scene_facts(store, options), plan_options));

@@ -10,7 +10,6 @@
 #include <string>
 #include <vector>
 
-#include "cache/trace_log.h"
 #include "pipeline/render/film.h"
 #include "pipeline/render/generate_rays.h"
 #include "pipeline/render/plan.h"
@@ -44,7 +43,6 @@ struct RenderOptions {
   double time_limit_seconds = 0;     // stops at the next epoch that leaves both halves whole; 0: none
   const std::atomic<bool>* stop = nullptr;  // the same, asked for from outside (Ctrl-C)
   std::function<void(const RenderProgress&)> on_progress;  // once a wave, on the calling thread
-  cache::TraceLog* trace_log = nullptr;
 };
 
 struct RenderedImage {

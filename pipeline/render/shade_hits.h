@@ -12,6 +12,7 @@
 
 #include "cache/external_sort.h"
 #include "cache/record_stream.h"
+#include "cache/trace_page.h"
 #include "pipeline/records.h"
 #include "pipeline/render/attribute_store.h"
 #include "pipeline/render/film.h"
