@@ -14,6 +14,8 @@ namespace {
 // While a page is built: 40 of the triangle, 32 of Embree's primitive and about 100 of its tree, 50 of the page with
 // full leaves and four times that with leaves of one.
 constexpr uint64_t kBuildBytesPerTriangle = 400;
+// The largest micromap, 4^8 states of two bits; while baking also as bytes, but for few triangles at a time.
+constexpr uint64_t kMicromapBytes = 4 + (1 << 14);
 constexpr size_t kChunksPerRead = 16;  // a task: 16 large chunks are 5 MB, small ones share a read
 
 struct PageInput {
@@ -82,31 +84,37 @@ void add_pages(PagePlan& plan, std::span<const ClusterItem> items, std::span<con
 
 // ---- write ----
 
-// Pages [first, last) of each chunk: those it has triangles in.
+// Pages [first, last) of a chunk: those it has triangles in.
 struct PageRange {
   uint32_t first = UINT32_MAX, last = 0;
 };
 
-std::vector<PageRange> page_ranges(const SpooledScene& scene, const PagePlan& plan) {
-  std::vector<PageRange> ranges(scene.chunks.size());
-  for (size_t c = 0; c < ranges.size(); ++c) {
+struct BatchPlan {
+  std::vector<PageRange> chunk_pages;  // by chunk
+  std::vector<uint64_t> page_bytes;    // what building a page takes
+};
+
+BatchPlan plan_batches(const SpooledScene& scene, const PagePlan& plan) {
+  BatchPlan batches{std::vector<PageRange>(scene.chunks.size()), std::vector<uint64_t>(plan.pages.size(), 0)};
+  for (size_t c = 0; c < scene.chunks.size(); ++c) {
     const PlacedChunk& placed = scene.chunks[c];
+    const bool has_alpha = scene.meshes[placed.mesh].row.alpha_texture != TextureId::kNone;
+    PageRange& range = batches.chunk_pages[c];
     for (uint32_t face = 0; face < placed.chunk.face_count; ++face) {
       const uint32_t page = plan.page_of_prim[placed.first_prim + face];
-      ranges[c] = {std::min(ranges[c].first, page), std::max(ranges[c].last, page + 1)};
+      range = {std::min(range.first, page), std::max(range.last, page + 1)};
+      batches.page_bytes[page] += kBuildBytesPerTriangle + (has_alpha ? 2 * kMicromapBytes : 0);
     }
   }
-  return ranges;
+  return batches;
 }
 
-uint32_t batch_end(const PagePlan& plan, uint32_t first, uint64_t limit_bytes) {
-  uint64_t triangles = 0;
-  uint32_t last = first;
-  while (last < plan.pages.size()) {
-    triangles += plan.pages[last].triangle_count;
-    if (last > first && triangles * kBuildBytesPerTriangle > limit_bytes) break;
-    ++last;
-  }
+// At least one page, and as many as fit.
+uint32_t batch_end(const BatchPlan& batches, uint32_t first, uint64_t limit_bytes) {
+  uint64_t bytes = batches.page_bytes[first];
+  uint32_t last = first + 1;
+  while (last < batches.page_bytes.size() && bytes + batches.page_bytes[last] <= limit_bytes)
+    bytes += batches.page_bytes[last++];
   return last;
 }
 
@@ -220,14 +228,15 @@ Result<PagePlan> plan_pages(const SpooledScene& scene, const PackPagesOptions& o
 Result<std::vector<Bounds3>> pack_pages(const SpooledScene& scene, PagePlan& plan, const BakeMicromap& bake,
                                         const PackPagesOptions& options, cache::WriteFile& file) {
   std::vector<Bounds3> bounds(plan.pages.size());
-  const std::vector<PageRange> ranges = page_ranges(scene, plan);
+  const BatchPlan batches = plan_batches(scene, plan);
   const uint64_t table_bytes = plan.page_of_prim.size_bytes();
   const uint64_t limit_bytes = options.memory_limit_bytes - std::min(options.memory_limit_bytes, table_bytes);
   for (uint32_t first = 0; first < plan.pages.size();) {
-    const uint32_t last = batch_end(plan, first, limit_bytes);
+    const uint32_t last = batch_end(batches, first, limit_bytes);
     BatchFiller filler(scene, plan, bake, first, last);
-    for (size_t c = 0; c < ranges.size(); ++c)
-      if (ranges[c].first < last && ranges[c].last > first) SPILLWAY_TRY(filler.add_chunk(scene.chunks[c]));
+    for (size_t c = 0; c < scene.chunks.size(); ++c)
+      if (batches.chunk_pages[c].first < last && batches.chunk_pages[c].last > first)
+        SPILLWAY_TRY(filler.add_chunk(scene.chunks[c]));
     SPILLWAY_TRY(write_batch(filler.take(), first, plan, options.tree, bounds, file));
     first = last;
   }

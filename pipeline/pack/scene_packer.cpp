@@ -7,9 +7,11 @@
 
 #include "cache/base/check.h"
 #include "cache/section_file.h"
+#include "pipeline/pack/bake_micromap.h"
 #include "pipeline/pack/pack_attributes.h"
 #include "pipeline/pack/pack_lights.h"
 #include "pipeline/pack/pack_page_tree.h"
+#include "pipeline/pack/pack_pages.h"
 #include "pipeline/pack/spool_mesh.h"
 #include "pipeline/source_files.h"
 #include "pipeline/store.h"
@@ -38,6 +40,9 @@ Status check_directory(const fs::path& directory) {
     if (!is_name_of_ours(entry.path().filename().string()))
       return error("{}: holds '{}', which is no part of a store; name a new or empty directory", directory.string(),
                    entry.path().filename().string());
+  for (const fs::directory_entry& entry : fs::directory_iterator(directory / kTexturesDirectory, code))
+    if (!is_packed_image_name(entry.path().filename().string()))
+      return error("{}: is no image of a store; name a new or empty directory for the store", entry.path().string());
   return {};
 }
 
@@ -249,32 +254,32 @@ Status ScenePacker::write_store() {
   SPILLWAY_TRY(spool_->seal());
   SPILLWAY_TRY(number_meshes());
   keep_instances_of_triangles();
-  SPILLWAY_TRY(pack_images(packed));
+  SPILLWAY_ASSIGN(packed.images,
+                  pack_images(images_, directory_ / kTexturesDirectory, options_.memory_limit_bytes));
+  remove_packed_images(directory_ / kTexturesDirectory, packed.images);
   SPILLWAY_ASSIGN(auto attributes, cache::WriteFile::create(directory_ / kAttributesFile, cache::IoPurpose::pack));
   SPILLWAY_ASSIGN(packed.attributes, pack_attributes(scene_, attributes));
   SPILLWAY_TRY(attributes.commit());
-
-  const PackPagesOptions pages_options{options_.max_triangles_per_page, options_.tree, options_.memory_limit_bytes};
-  SPILLWAY_ASSIGN(auto pages, cache::WriteFile::create(directory_ / kTracePagesFile, cache::IoPurpose::pack));
-  SPILLWAY_ASSIGN(const BakeMicromap bake, micromap_baker(packed));
-  SPILLWAY_ASSIGN(packed.plan, plan_pages(scene_, pages_options));
-  SPILLWAY_ASSIGN(const std::vector<Bounds3> bounds, pack_pages(scene_, packed.plan, bake, pages_options, pages));
-  SPILLWAY_TRY(pages.commit());
-
-  packed.tree = pack_page_tree(bounds, packed.plan.pages, instances_, scene_.object_count, options_.tree);
+  SPILLWAY_TRY(write_pages(packed));
   SPILLWAY_ASSIGN(packed.lights, pack_lights(scene_, lights_, packed.tree.bounds_world));
   return write_manifest(packed);
 }
 
-Status ScenePacker::pack_images(Packed&) {
-  if (images_.empty()) return {};
-  return error("{}: images cannot be packed yet", images_[0].file.string());
-}
-
-Result<BakeMicromap> ScenePacker::micromap_baker(const Packed&) {
-  return BakeMicromap([](uint32_t, const Float2(&)[3]) -> Result<std::vector<std::byte>> {
-    return std::vector<std::byte>{std::byte{0}, std::byte{0}, std::byte{0}, std::byte{0}, std::byte{2}};
-  });
+Status ScenePacker::write_pages(Packed& packed) {
+  const PackPagesOptions options{options_.max_triangles_per_page, options_.tree, options_.memory_limit_bytes};
+  std::unique_ptr<cache::TextureCache> images;
+  if (!packed.images.empty()) {
+    const cache::TextureCache::Options cache_options{.memory_limit_bytes = options_.memory_limit_bytes / 8};
+    SPILLWAY_ASSIGN(images, cache::TextureCache::open(directory_ / kTexturesDirectory, packed.images, cache_options));
+  }
+  const BakeMicromap bake = [&](uint32_t texture, const Float2(&uv)[3]) {
+    return bake_micromap(uv, texture, textures_, packed.images, images.get());
+  };
+  SPILLWAY_ASSIGN(auto file, cache::WriteFile::create(directory_ / kTracePagesFile, cache::IoPurpose::pack));
+  SPILLWAY_ASSIGN(packed.plan, plan_pages(scene_, options));
+  SPILLWAY_ASSIGN(const std::vector<Bounds3> bounds, pack_pages(scene_, packed.plan, bake, options, file));
+  packed.tree = pack_page_tree(bounds, packed.plan.pages, instances_, scene_.object_count, options_.tree);
+  return file.commit();
 }
 
 SceneStatistics ScenePacker::statistics(const Packed& packed) const {
@@ -330,6 +335,7 @@ void ScenePacker::remove_output() {
   if (!wrote_output_) return;
   std::error_code code;
   for (const char* file : {kManifestFile, kTracePagesFile, kAttributesFile}) fs::remove(directory_ / file, code);
+  remove_packed_images(directory_ / kTexturesDirectory, {});
   wrote_output_ = false;
 }
 

@@ -21,7 +21,7 @@
 #include "cache/trace_page.h"
 #include "pipeline/pack/build_trees.h"
 #include "pipeline/pack/mesh_spool.h"
-#include "pipeline/pack/pack_pages.h"
+#include "pipeline/pack/pack_images.h"
 #include "pipeline/pack/scene_sink.h"
 
 namespace spillway::pipeline {
@@ -56,10 +56,6 @@ class ScenePacker final : public SceneSink {
   void add_source_file(const std::filesystem::path& file) { options_.source_files.push_back(file); }
 
  private:
-  struct ImageSource {
-    std::filesystem::path file;
-    cache::TexelEncoding encoding;
-  };
   struct Packed;  // what finish() has made
 
   ScenePacker() = default;
@@ -70,8 +66,7 @@ class ScenePacker final : public SceneSink {
   Status write_store();
   Status number_meshes();
   void keep_instances_of_triangles();
-  Status pack_images(Packed& packed);
-  Result<BakeMicromap> micromap_baker(const Packed& packed);
+  Status write_pages(Packed& packed);
   SceneStatistics statistics(const Packed& packed) const;
   [[nodiscard]] std::string name_lines() const;
   Status write_manifest(const Packed& packed);
