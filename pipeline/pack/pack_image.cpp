@@ -147,7 +147,9 @@ Status write_levels(const Decoded& source, const std::filesystem::path& path, ca
     spec.tile_width = spec.tile_height = static_cast<int>(cache::kTileSize);
     spec.attribute("compression", "none");
     spec.attribute("Software", "Spillway");
-    const auto mode = info.levels == 0 ? OIIO::ImageOutput::Create : OIIO::ImageOutput::AppendMIPLevel;
+    // A TIFF has no MIP levels of its own: the library takes the pages of a file so marked for levels.
+    spec.attribute("textureformat", "Plain Texture");
+    const auto mode = info.levels == 0 ? OIIO::ImageOutput::Create : OIIO::ImageOutput::AppendSubimage;
     bool written = output->open(name, spec, mode);
     if (written && info.texel_bytes == 1)
       written = output->write_image(OIIO::TypeUInt8, info.levels == 0 ? source.bytes.data() : encoded(level, info).data());
