@@ -208,6 +208,28 @@ Status ByteSort::append(std::span<const SortKey> keys, std::span<const std::byte
   return {};
 }
 
+Status ByteSort::append(std::span<const SortSpan> pieces) {
+  State& s = *state_;
+  uint64_t end = s.filled;
+  std::vector<uint64_t> firsts;
+  for (const SortSpan& piece : pieces) firsts.push_back(std::exchange(end, end + piece.count));
+  if (end > s.capacity) {
+    for (const SortSpan& piece : pieces)
+      SPILLWAY_TRY(append({piece.keys, piece.count}, {static_cast<const std::byte*>(piece.records), piece.count * s.record_bytes}));
+    return {};
+  }
+  s.grow(end);
+  parallel_blocks(pieces.size(), 1, [&](size_t i, size_t, size_t) {
+    const SortSpan& piece = pieces[i];
+    if (piece.count == 0) return;
+    std::memcpy(static_cast<void*>(s.keys.data() + firsts[i]), piece.keys, piece.count * sizeof(SortKey));
+    std::memcpy(s.records.data() + firsts[i] * s.record_bytes, piece.records, piece.count * s.record_bytes);
+  });
+  s.size += end - s.filled;
+  s.filled = end;
+  return {};
+}
+
 Status ByteSort::finish() {
   State& s = *state_;
   s.finished = true;

@@ -27,6 +27,13 @@ struct SortKey {
   friend bool operator==(const SortKey& a, const SortKey& b) = default;
 };
 
+// A piece of what a parallel stage made: keys and records, to be appended in order with others.
+struct SortSpan {
+  const SortKey* keys = nullptr;
+  const void* records = nullptr;
+  size_t count = 0;
+};
+
 class ByteSort {
  public:
   ByteSort(size_t record_bytes, StreamOptions options);
@@ -35,6 +42,8 @@ class ByteSort {
   ~ByteSort();
 
   Status append(std::span<const SortKey> keys, std::span<const std::byte> records);
+  // The same as appending one after the other; copies in parallel while the run has room.
+  Status append(std::span<const SortSpan> pieces);
   Status finish();
   void clear();  // empty again; keeps its memory, gives its scratch back
   [[nodiscard]] size_t partition_count() const;  // 1 when nothing was spilled (0 when empty)
@@ -55,6 +64,7 @@ class ExternalSort {
   Status append(std::span<const SortKey> keys, std::span<const T> records) {
     return sort_.append(keys, std::as_bytes(records));
   }
+  Status append(std::span<const SortSpan> pieces) { return sort_.append(pieces); }  // records each of T
   Status finish() { return sort_.finish(); }
   void clear() { sort_.clear(); }
   [[nodiscard]] size_t partition_count() const { return sort_.partition_count(); }

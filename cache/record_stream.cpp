@@ -6,6 +6,7 @@
 
 #include "cache/base/check.h"
 #include "cache/base/hash.h"
+#include "cache/base/parallel.h"
 
 // Format of a block on scratch: BlockHeader, then records, then zeros up to block_bytes. Blocks lie one after the other.
 
@@ -46,7 +47,9 @@ struct ByteStream::State {
     records_per_block = (block_bytes - sizeof(BlockHeader)) / record_bytes;
   }
 
-  [[nodiscard]] uint64_t resident_limit() const { return options.memory_limit_bytes / block_bytes; }
+  [[nodiscard]] uint64_t resident_limit() const {  // blocks; kept from overflowing where it counts records
+    return std::min(options.memory_limit_bytes / block_bytes, UINT64_MAX / (2 * records_per_block));
+  }
   [[nodiscard]] std::byte* records(Buffer<std::byte>& block) const { return block.data() + sizeof(BlockHeader); }
   [[nodiscard]] uint64_t used_blocks() const { return (size + records_per_block - 1) / records_per_block; }
 
@@ -123,6 +126,31 @@ Status ByteStream::append(std::span<const std::byte> records) {
     s.size += now, left -= now, from += now * s.record_bytes;
     if (to == &s.filling && at + now == s.records_per_block) SPILLWAY_TRY(s.spill(s.records_per_block));
   }
+  return {};
+}
+
+Status ByteStream::append(std::span<const RecordSpan> pieces) {
+  State& s = *state_;
+  SPILLWAY_CHECK(s.finished, ==, false);
+  uint64_t end = s.size;
+  std::vector<uint64_t> firsts;
+  for (const RecordSpan& piece : pieces) firsts.push_back(std::exchange(end, end + piece.count));
+  if (end > s.resident_limit() * s.records_per_block) {
+    for (const RecordSpan& piece : pieces)
+      SPILLWAY_TRY(append({static_cast<const std::byte*>(piece.records), piece.count * s.record_bytes}));
+    return {};
+  }
+  while (s.resident.size() * s.records_per_block < end) s.resident.emplace_back(s.options.tag, s.block_bytes);
+  parallel_blocks(pieces.size(), 1, [&](size_t i, size_t, size_t) {
+    const auto* from = static_cast<const std::byte*>(pieces[i].records);
+    uint64_t first = firsts[i], left = pieces[i].count;
+    while (left > 0) {
+      const uint64_t at = first % s.records_per_block, now = std::min(left, s.records_per_block - at);
+      std::memcpy(s.records(s.resident[first / s.records_per_block]) + at * s.record_bytes, from, now * s.record_bytes);
+      first += now, left -= now, from += now * s.record_bytes;
+    }
+  });
+  s.size = end;
   return {};
 }
 

@@ -28,6 +28,12 @@ struct StreamOptions {
   Scratch* scratch = nullptr;                // none: must never exceed its limit
 };
 
+// A piece of what a parallel stage made, to be appended in order with others.
+struct RecordSpan {
+  const void* records = nullptr;
+  size_t count = 0;
+};
+
 // The untyped part; records of a fixed size in bytes.
 class ByteStream {
  public:
@@ -37,6 +43,8 @@ class ByteStream {
   ~ByteStream();
 
   Status append(std::span<const std::byte> records);
+  // The same as appending one after the other; copies in parallel while everything stays in memory.
+  Status append(std::span<const RecordSpan> pieces);
   Status finish();  // flushes; afterwards only reads
   void clear();     // empty again, ready for appends; keeps its memory, gives its scratch back
   [[nodiscard]] uint64_t size() const;  // records
@@ -58,6 +66,7 @@ class RecordStream {
  public:
   explicit RecordStream(StreamOptions options) : bytes_(sizeof(T), std::move(options)) {}
   Status append(std::span<const T> records) { return bytes_.append(std::as_bytes(records)); }
+  Status append(std::span<const RecordSpan> pieces) { return bytes_.append(pieces); }  // each of T
   Status finish() { return bytes_.finish(); }
   void clear() { bytes_.clear(); }
   [[nodiscard]] uint64_t size() const { return bytes_.size(); }

@@ -49,20 +49,22 @@ cache::StreamOptions stream_options(RenderState& state, const char* what, Memory
 struct Wave {
   Paths paths;
   Shadows shadows;
-  std::array<uint64_t, 2> live = {0, 0};  // rays of each half
 };
 
-Wave make_wave(RenderState& state, size_t path_capacity, size_t shadow_capacity) {
-  const uint64_t limit = state.plan.cold_bytes;
+Wave make_wave(RenderState& state) {
   const auto options = [&](const char* what) {
-    return stream_options(state, what, MemoryTag::paths, cache::IoPurpose::paths, limit);
+    return stream_options(state, what, MemoryTag::paths, cache::IoPurpose::paths, state.plan.cold_bytes);
   };
-  Wave wave{{Buffer<cache::TraceRay>(MemoryTag::rays, path_capacity), cache::RecordStream<PathRecord>(options("paths"))},
-            {Buffer<cache::TraceRay>(MemoryTag::rays, shadow_capacity),
-             cache::RecordStream<ShadowRecord>(options("shadow rays"))}};
-  wave.paths.hot.set_size(0);
-  wave.shadows.hot.set_size(0);
-  return wave;
+  return {{{}, cache::RecordStream<PathRecord>(options("paths"))},
+          {{}, cache::RecordStream<ShadowRecord>(options("shadow rays"))},};
+}
+
+// Empty columns with room for so many rays.
+template <class Record>
+void empty(RayColumns<Record>& columns, size_t capacity) {
+  columns.hot.renew(MemoryTag::rays, capacity);
+  columns.hot.set_size(0);
+  columns.cold.clear();
 }
 
 class RenderLoop {
@@ -70,18 +72,21 @@ class RenderLoop {
   RenderLoop(RenderState& state, RenderReport& report)
       : state_(state), report_(report), settings_(state.options.settings),
         camera_rays_(settings_.camera, settings_.filter, pixel_window(settings_), settings_.render.seed),
-        schedule_({settings_.render.samples_per_pixel, state.plan.epoch_samples}) {}
+        schedule_({settings_.render.samples_per_pixel, state.plan.epoch_samples}),
+        hits_(stream_options(state, "hits", MemoryTag::hits, cache::IoPurpose::hits, state.plan.hit_bytes)) {}
 
   Status run() {
     start_ = Clock::now();
-    Wave wave = make_wave(state_, state_.plan.wave_paths, 0);
+    Wave wave = make_wave(state_);
+    empty(wave.paths, state_.plan.wave_paths);
+    empty(wave.shadows, 0);
     while (true) {
       WaveReport wave_report;
       SPILLWAY_TRY(top_up(wave, wave_report));
       if (wave.paths.hot.empty() && wave.shadows.hot.empty()) break;
-      SPILLWAY_ASSIGN(wave, advance(std::move(wave), wave_report));
+      SPILLWAY_TRY(advance(wave, wave_report));
       report_.waves.push_back(wave_report);
-      close_epochs(wave);
+      close_epochs();
       stop_when_asked();
       tell_progress();
     }
@@ -117,68 +122,74 @@ class RenderLoop {
     const size_t room = std::min<size_t>(state_.plan.wave_paths - at, generated_.size());
     const size_t made = camera_rays_.generate_rays(room, wave.paths.hot.data() + at, generated_.data());
     wave.paths.hot.set_size(at + made);
-    wave.live[generating_half_] += made;
     report.generated_count += made;
     return wave.paths.cold.append({generated_.data(), made});
   }
 
-  // One bounce: sort, trace, route, shade. The rays of the wave become the rays of the next.
-  Result<Wave> advance(Wave wave, WaveReport& report) {
+  // One bounce: sort, trace, route, shade. The rays of the wave become the rays of the next, in the same buffers: once
+  // routed, a ray lives on in its hit.
+  Status advance(Wave& wave, WaveReport& report) {
     report.path_count = wave.paths.hot.size(), report.shadow_count = wave.shadows.hot.size();
-    cache::ExternalSort<HitRecord> hits(stream_options(state_, "hits", MemoryTag::hits, cache::IoPurpose::hits,
-                                                       state_.plan.hit_bytes));
+    cache::ExternalSort<HitRecord>& hits = hits_;
+    hits.clear();
     SPILLWAY_TRY(trace_and_route(wave, hits, report));
     report.spilled_bytes += wave.paths.cold.spilled_bytes() + wave.shadows.cold.spilled_bytes();
-    const size_t hit_count = hits.size();
-    wave = make_wave(state_, std::max<size_t>(hit_count, state_.plan.wave_paths), hit_count);
+    empty(wave.paths, std::max<size_t>(hits.size(), state_.plan.wave_paths));
+    empty(wave.shadows, hits.size());
     const auto started = Clock::now();
     SPILLWAY_TRY(hits.finish());
-    const uint64_t partitions_before = report_.shade.partition_count;
+    const ShadeHitsReport before = report_.shade;
     SPILLWAY_TRY(shade_hits(state_.inputs, hits, *state_.attributes, *state_.film, wave.paths, wave.shadows,
                             shade_scratch_, report_.shade));
-    report.partition_count = report_.shade.partition_count - partitions_before;
+    report.partition_count = report_.shade.partition_count - before.partition_count;
+    for (const int half : {0, 1}) live_[half] = report_.shade.rays_of_half[half] - before.rays_of_half[half];
     report.spilled_bytes += hits.spilled_bytes();
     report.shade_seconds = seconds_since(started);
     report_.spilled_bytes += report.spilled_bytes;
     state_.page_parts->rebalance();
     state_.attributes->parts().rebalance();
-    return wave;
+    return {};
   }
 
   Status trace_and_route(Wave& wave, cache::ExternalSort<HitRecord>& hits, WaveReport& report) {
     const size_t path_count = wave.paths.hot.size(), shadow_count = wave.shadows.hot.size();
     auto started = Clock::now();
-    Buffer<uint32_t> order(MemoryTag::rays, path_count + shadow_count);
+    order_.renew(MemoryTag::rays, path_count + shadow_count);
+    order_.set_size(path_count + shadow_count);
     SortRaysOptions sort_options;
     sort_options.enabled = state_.options.sort_rays;
-    sort_rays(wave.paths.hot, wave.shadows.hot, settings_.statistics.bounds_world, order, sort_options, sort_scratch_);
+    sort_rays(wave.paths.hot, wave.shadows.hot, settings_.statistics.bounds_world, order_, sort_options, sort_scratch_);
+    if (state_.plan.spills) sort_scratch_ = {};
     report.sort_seconds = seconds_since(started);
 
     started = Clock::now();
-    Buffer<cache::TraceHit> path_hits(MemoryTag::rays, path_count), shadow_hits(MemoryTag::rays, shadow_count);
-    const TraceRaysReport before = report_.trace;
+    path_hits_.renew(MemoryTag::rays, path_count), path_hits_.set_size(path_count);
+    shadow_hits_.renew(MemoryTag::rays, shadow_count), shadow_hits_.set_size(shadow_count);
     TraceRaysOptions trace_options;
     trace_options.pair_limit_bytes = state_.plan.pair_bytes;
+    TraceRaysReport traced;
     SPILLWAY_TRY(trace_rays(state_.store.page_tree(), *state_.pages,
-                            {wave.paths.hot, wave.shadows.hot, path_hits, shadow_hits, order}, trace_options,
-                            report_.trace));
-    report.pages_touched = report_.trace.pages_touched - before.pages_touched;
-    report.pair_count = report_.trace.pair_count - before.pair_count;
-    report.window_count = report_.trace.window_count - before.window_count;
+                            {wave.paths.hot, wave.shadows.hot, path_hits_, shadow_hits_, order_}, trace_options, traced));
+    report.pages_touched = traced.pages_touched;
+    report.pair_count = traced.pair_count;
+    report.window_count = traced.window_count;
+    report_.trace += traced;
     report.trace_seconds = seconds_since(started);
 
     started = Clock::now();
-    SPILLWAY_TRY(route_hits(state_.inputs.settings, {wave.paths.hot, path_hits, &wave.paths.cold},
-                            {wave.shadows.hot, shadow_hits, &wave.shadows.cold}, hits, *state_.film, route_scratch_,
+    SPILLWAY_TRY(route_hits(state_.inputs.settings, {wave.paths.hot, path_hits_, &wave.paths.cold},
+                            {wave.shadows.hot, shadow_hits_, &wave.shadows.cold}, hits, *state_.film, route_scratch_,
                             report_.route));
+    if (state_.plan.spills) order_ = {}, path_hits_ = {}, shadow_hits_ = {};
     report.route_seconds = seconds_since(started);
     return {};
   }
 
-  void close_epochs(Wave& wave) {
+  // An epoch is over when all its camera rays were made and none of its rays is on its way.
+  void close_epochs() {
     for (const uint32_t half : {0u, 1u}) {
       const bool generated = camera_rays_.exhausted() || generating_half_ != half;
-      if (!schedule_.is_open(half) || !generated || wave.live[half] != 0) continue;
+      if (!schedule_.is_open(half) || !generated || live_[half] != 0) continue;
       schedule_.close(half);
       state_.film->set_half_samples(static_cast<int>(half), schedule_.closed_samples()[half]);
     }
@@ -210,8 +221,13 @@ class RenderLoop {
   EpochSchedule schedule_;
   uint32_t generating_half_ = 0;
   uint64_t generated_total_ = 0;
+  std::array<uint64_t, 2> live_ = {0, 0};  // rays of each half's epoch on their way to the next wave
   Buffer<PathRecord> generated_{MemoryTag::paths, 1 << 14};
+  // Kept from wave to wave; a spilled wave gives back what it does not need while shading.
   SortRaysScratch sort_scratch_;
+  Buffer<uint32_t> order_;
+  Buffer<cache::TraceHit> path_hits_, shadow_hits_;
+  cache::ExternalSort<HitRecord> hits_;
   RouteHitsScratch route_scratch_;
   ShadeHitsScratch shade_scratch_;
   Clock::time_point start_;

@@ -58,12 +58,15 @@ Status route_all(const cache::RecordStream<Record>& records, Buffer<Record>& col
       film.add({scratch.splats.data() + first, out.splat_count});
       blocks[b] = out;
     });
-    for (const RoutedBlock& out : std::span(blocks).first(block_count(in_batch, kBlockRecords))) {
-      SPILLWAY_TRY(sort.append({scratch.keys.data() + out.first, out.hit_count},
-                               {scratch.hits.data() + out.first, out.hit_count}));
+    std::array<cache::SortSpan, kBatchRecords / kBlockRecords> pieces;
+    const size_t block_total = block_count(in_batch, kBlockRecords);
+    for (size_t b = 0; b < block_total; ++b) {
+      const RoutedBlock& out = blocks[b];
+      pieces[b] = {scratch.keys.data() + out.first, scratch.hits.data() + out.first, out.hit_count};
       report.hit_count += out.hit_count, report.occluded_count += out.occluded_count;
       report.alpha_shadow_count += out.alpha_shadow_count;
     }
+    SPILLWAY_TRY(sort.append(std::span(pieces).first(block_total)));
   }
   return {};
 }

@@ -29,6 +29,17 @@ struct BlockScratch {
 struct ShadedBlock {
   size_t first = 0;
   uint32_t path_count = 0, shadow_count = 0, let_through_count = 0;
+  uint32_t rays_of_half[2] = {0, 0};
+
+  // The place of one more ray of the kind, counted for its epoch.
+  size_t next_path(uint32_t sample) {
+    ++rays_of_half[sample & 1];
+    return first + path_count++;
+  }
+  size_t next_shadow(uint32_t sample) {
+    ++rays_of_half[sample & 1];
+    return first + shadow_count++;
+  }
 };
 
 class Shader {
@@ -45,26 +56,37 @@ class Shader {
       shade_block(hits.subspan(first, last - first), bytes, blocks[b]);
     });
     if (!failure_) return failure_.error();
-    for (const ShadedBlock& block : std::span(blocks).first(block_count(hits.size(), kBlockHits))) {
-      SPILLWAY_TRY(append(out_.path_rays, out_.paths, block.first, block.path_count, paths));
-      SPILLWAY_TRY(append(out_.shadow_rays, out_.shadows, block.first, block.shadow_count, shadows));
+    const std::span<const ShadedBlock> done = std::span(blocks).first(block_count(hits.size(), kBlockHits));
+    SPILLWAY_TRY(append(out_.path_rays, out_.paths, done, &ShadedBlock::path_count, paths));
+    SPILLWAY_TRY(append(out_.shadow_rays, out_.shadows, done, &ShadedBlock::shadow_count, shadows));
+    for (const ShadedBlock& block : done) {
       report.path_count += block.path_count, report.shadow_count += block.shadow_count;
       report.let_through_count += block.let_through_count;
+      report.rays_of_half[0] += block.rays_of_half[0], report.rays_of_half[1] += block.rays_of_half[1];
     }
     report.shaded_count += hits.size();
     return {};
   }
 
  private:
+  // Blocks in order, each copied by whichever thread is free.
   template <class Record>
-  static Status append(const Buffer<cache::TraceRay>& rays, const Buffer<Record>& records, size_t first, size_t count,
-                       RayColumns<Record>& to) {
-    if (count == 0) return {};
-    const size_t at = to.hot.size();
-    SPILLWAY_CHECK(at + count, <=, to.hot.capacity());
-    to.hot.set_size(at + count);
-    std::copy_n(rays.data() + first, count, to.hot.data() + at);
-    return to.cold.append({records.data() + first, count});
+  static Status append(const Buffer<cache::TraceRay>& rays, const Buffer<Record>& records,
+                       std::span<const ShadedBlock> blocks, uint32_t ShadedBlock::*count, RayColumns<Record>& to) {
+    std::array<cache::RecordSpan, kBatchHits / kBlockHits> pieces;
+    std::array<size_t, kBatchHits / kBlockHits> places;
+    size_t end = to.hot.size();
+    for (size_t b = 0; b < blocks.size(); ++b) {
+      places[b] = std::exchange(end, end + blocks[b].*count);
+      pieces[b] = {records.data() + blocks[b].first, blocks[b].*count};
+    }
+    SPILLWAY_CHECK(end, <=, to.hot.capacity());
+    to.hot.set_size(end);
+    parallel_blocks(blocks.size(), 8, [&](size_t, size_t first, size_t last) {
+      for (size_t b = first; b < last; ++b)
+        std::copy_n(rays.data() + blocks[b].first, blocks[b].*count, to.hot.data() + places[b]);
+    });
+    return to.cold.append(std::span<const cache::RecordSpan>(pieces).first(blocks.size()));
   }
 
   void gather(std::span<const HitRecord> hits, std::span<const std::byte> bytes, BlockScratch& scratch) {
@@ -93,12 +115,12 @@ class Shader {
     ++out.let_through_count;
     const HitRecord& hit = *q.hit;
     if (hit.is_shadow) {
-      const size_t at = out.first + out.shadow_count++;
+      const size_t at = out.next_shadow(hit.path.sample);
       out_.shadow_rays[at] = ray_beyond(hit, *q.point);
       out_.shadows[at] = {hit.path.sink, hit.path.sample, hit.path.bounce, hit.path.throughput};
       return;
     }
-    const size_t at = out.first + out.path_count++;
+    const size_t at = out.next_path(hit.path.sample);
     out_.path_rays[at] = ray_beyond(hit, *q.point);
     out_.paths[at] = hit.path;
     out_.paths[at].cone_width = q.point->width_world;
@@ -110,11 +132,11 @@ class Shader {
     const ShadedVertex vertex = shade_vertex(inputs_.settings, *q.hit, *q.point, q.values);
     if (vertex.has_splat) scratch.splats.push_back(vertex.splat);
     if (vertex.has_path) {
-      const size_t at = out.first + out.path_count++;
+      const size_t at = out.next_path(q.hit->path.sample);
       out_.path_rays[at] = vertex.path_ray, out_.paths[at] = vertex.path;
     }
     if (vertex.has_shadow) {
-      const size_t at = out.first + out.shadow_count++;
+      const size_t at = out.next_shadow(q.hit->path.sample);
       out_.shadow_rays[at] = vertex.shadow_ray, out_.shadows[at] = vertex.shadow;
     }
     if (inputs_.wants_aovs && q.hit->path.bounce == 0) scratch.aovs.push_back(first_hit_aovs(q));

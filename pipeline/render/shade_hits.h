@@ -8,6 +8,7 @@
 // Order: outputs are appended in the order of hits; a vertex depends on its own records alone.
 // Based on: deferred, sorted shading (Eisenacher et al. 2013, section 4).
 
+#include <array>
 #include <cstdint>
 
 #include "cache/external_sort.h"
@@ -49,6 +50,7 @@ struct ShadeHitsScratch {
 struct ShadeHitsReport {
   uint64_t shaded_count = 0, let_through_count = 0, path_count = 0, shadow_count = 0;
   uint64_t partition_count = 0, attribute_blocks_touched = 0;
+  std::array<uint64_t, 2> rays_of_half = {0, 0};  // sent on, of both kinds: what keeps an epoch open
 };
 
 // What the film's AOV layers hold of a camera ray's first surface (alpha it passes does not count).

@@ -423,4 +423,11 @@ Status trace_rays(const cache::PageTree& tree, PageViews& pages, const TraceBatc
   return status;
 }
 
+TraceRaysReport& TraceRaysReport::operator+=(const TraceRaysReport& other) {
+  ray_count += other.ray_count, resident_only_count += other.resident_only_count;
+  pair_count += other.pair_count, window_count += other.window_count, pages_touched += other.pages_touched;
+  work.nodes += other.work.nodes, work.leaves += other.work.leaves, work.pages += other.work.pages;
+  return *this;
+}
+
 }  // namespace spillway::pipeline

@@ -30,6 +30,8 @@ struct TraceRaysReport {
   uint64_t ray_count = 0, resident_only_count = 0, pair_count = 0, window_count = 0;
   uint64_t pages_touched = 0;  // swept: not resident at the wave's start, and some ray had to visit them
   cache::TraceCounters work;
+
+  TraceRaysReport& operator+=(const TraceRaysReport& other);
 };
 
 // The pages of a store as the kernel sees them: views follow residency, through the store's on_residency().
