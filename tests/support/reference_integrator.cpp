@@ -38,12 +38,14 @@ class KernelTracer final : public Tracer {
 
   cache::TraceHit nearest(const cache::TraceRay& ray) const override {
     cache::TraceHit hit = cache::no_hit(ray);
-    cache::trace_resident<cache::TraceMode::nearest>(tree_, views_.resident(), ray, hit);
+    cache::TraceCounters work;
+    cache::trace_resident<cache::TraceMode::nearest>(tree_, views_.resident(), ray, hit, work);
     return hit;
   }
   cache::TraceHit occlusion(const cache::TraceRay& ray) const override {
     cache::TraceHit hit = cache::no_hit(ray);
-    cache::trace_resident<cache::TraceMode::occlusion>(tree_, views_.resident(), ray, hit);
+    cache::TraceCounters work;
+    cache::trace_resident<cache::TraceMode::occlusion>(tree_, views_.resident(), ray, hit, work);
     return hit;
   }
 
