@@ -23,21 +23,22 @@ ordered_json to_json(const EqualityReport& e) {
 }
 
 ordered_json to_json(const PictureComparison& c) {
-  ordered_json json{{"equal", c.equal},
-                    {"reason", c.reason},
-                    {"rel_mse", c.rel_mse},
-                    {"mse", c.mse},
-                    {"mean_ratio", c.mean_ratio},
-                    {"flip", c.flip_mean},
-                    {"largest_difference",
-                     {{"value", c.largest.value}, {"pixel", {c.largest.x, c.largest.y}}, {"channel", c.largest.channel}}},
-                    {"blocks",
-                     {{"count", c.blocks.block_count},
-                      {"correlation", c.blocks.correlation},
-                      {"scale", c.blocks.scale},
-                      {"relative_deviation", c.blocks.relative_deviation}}},
-                    {"differing_pixels", c.differing_pixels},
-                    {"not_finite_pixels", c.not_finite_pixels}};
+  ordered_json json{
+      {"equal", c.equal},
+      {"reason", c.reason},
+      {"rel_mse", c.rel_mse},
+      {"mse", c.mse},
+      {"mean_ratio", c.mean_ratio},
+      {"flip", c.flip_mean},
+      {"largest_difference",
+       {{"value", c.largest.value}, {"pixel", {c.largest.x, c.largest.y}}, {"channel", c.largest.channel}}},
+      {"blocks",
+       {{"count", c.blocks.block_count},
+        {"correlation", c.blocks.correlation},
+        {"scale", c.blocks.scale},
+        {"relative_deviation", c.blocks.relative_deviation}}},
+      {"differing_pixels", c.differing_pixels},
+      {"not_finite_pixels", c.not_finite_pixels}};
   if (c.equality) json["statistical"] = to_json(*c.equality);
   return json;
 }
@@ -48,11 +49,11 @@ void print_table(const PictureComparison& c, int block_size) {
   line("MSE", fmt::format("{:.6g}", c.mse));
   line("mean ratio", fmt::format("{:.6f}", c.mean_ratio));
   line("FLIP", fmt::format("{:.5f}", c.flip_mean));
-  line("largest difference", fmt::format("{:.6g} at {},{} in {}", c.largest.value, c.largest.x, c.largest.y,
-                                         "RGB"[c.largest.channel]));
-  line("block means", fmt::format("{0} of {1} x {1}: correlation {2:.5f}, scale {3:.5f}, deviation {4:.4f}",
-                                  c.blocks.block_count, block_size, c.blocks.correlation, c.blocks.scale,
-                                  c.blocks.relative_deviation));
+  line("largest difference",
+       fmt::format("{:.6g} at {},{} in {}", c.largest.value, c.largest.x, c.largest.y, "RGB"[c.largest.channel]));
+  line("block means",
+       fmt::format("{0} of {1} x {1}: correlation {2:.5f}, scale {3:.5f}, deviation {4:.4f}", c.blocks.block_count,
+                   block_size, c.blocks.correlation, c.blocks.scale, c.blocks.relative_deviation));
   line("differing pixels", fmt::format("{}", c.differing_pixels));
   if (c.not_finite_pixels > 0) line("not finite", fmt::format("{} pixels", c.not_finite_pixels));
   if (c.equality)
@@ -89,14 +90,17 @@ Result<PictureComparison> compare_files(const std::filesystem::path& a, const st
 
 }  // namespace
 
-int compare_command(const std::filesystem::path& a, const std::filesystem::path& b, const CompareImagesOptions& options) {
+int compare_command(const std::filesystem::path& a, const std::filesystem::path& b,
+                    const CompareImagesOptions& options) {
   const auto comparison = compare_files(a, b, options);
   if (!comparison) {
     fmt::print(stderr, "error: {}\n", comparison.error().message);
     return kCompareError;
   }
-  if (options.json) fmt::print("{}\n", to_json(*comparison).dump(2));
-  else print_table(*comparison, options.metrics.block_size);
+  if (options.json)
+    fmt::print("{}\n", to_json(*comparison).dump(2));
+  else
+    print_table(*comparison, options.metrics.block_size);
   return comparison->equal ? kCompareEqual : kCompareDifferent;
 }
 

@@ -19,6 +19,7 @@ struct CompareImagesOptions {
 };
 
 // Prints to stdout, errors to stderr. b is the reference.
-int compare_command(const std::filesystem::path& a, const std::filesystem::path& b, const CompareImagesOptions& options);
+int compare_command(const std::filesystem::path& a, const std::filesystem::path& b,
+                    const CompareImagesOptions& options);
 
 }  // namespace spillway::tools

@@ -190,8 +190,8 @@ TEST(flip, is_zero_for_equal_pictures_and_symmetric) {
   EXPECT_EQ(flip(a, b), flip(b, a));
 }
 
-// Without features FLIP is the redistributed HyAB distance. Black to white: |L| = 100, so 100^0.7 = 25.12; green to blue
-// is the largest, 41.26 (203.3^0.7 with Hunt's effect); the result 0.95 + 0.05 (25.12 - 16.50) / (41.26 - 16.50).
+// Without features FLIP is the redistributed HyAB distance. Black to white: |L| = 100, so 100^0.7 = 25.12; green to
+// blue is the largest, 41.26 (203.3^0.7 with Hunt's effect); the result 0.95 + 0.05 (25.12 - 16.50) / (41.26 - 16.50).
 TEST(flip, of_constant_pictures_is_the_colour_distance) {
   const auto of = [](Rgb a, Rgb b) { return flip(constant(50, 40, a), constant(50, 40, b))[1000]; };
   EXPECT_NEAR(of({0, 0, 0}, {1, 1, 1}), 0.9674, 2e-4);
@@ -248,7 +248,8 @@ TEST(picture, files_come_back_with_their_half_buffers) {
   spec.attribute("spillway:half_b_spp", 1);
   const float values[18] = {1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17, 18};
   const auto output = OIIO::ImageOutput::create("openexr");
-  ASSERT_TRUE(output->open(path.string(), spec) && output->write_image(OIIO::TypeDesc::FLOAT, values) && output->close());
+  ASSERT_TRUE(output->open(path.string(), spec));
+  ASSERT_TRUE(output->write_image(OIIO::TypeDesc::FLOAT, values) && output->close());
   const auto picture = read_picture(path);
   std::filesystem::remove(path);
   ASSERT_TRUE(picture) << picture.error().message;

@@ -42,7 +42,9 @@ void judge(PictureComparison& c, CompareLimits limits) {
   if (by_default) limits.statistical = c.equality.has_value(), limits.same_bits = !limits.statistical;
   const auto missed = missed_limit(c, limits);
   c.equal = !missed.has_value();
-  c.reason = missed.value_or(limits.same_bits ? "equal bits" : by_default ? "statistically equal" : "within the limits");
+  c.reason = missed.value_or(limits.same_bits     ? "equal bits"
+                             : limits.statistical ? "statistically equal"
+                                                  : "within limits");
 }
 
 }  // namespace

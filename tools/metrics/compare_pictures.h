@@ -28,8 +28,8 @@ struct CompareLimits {
 
 struct ComparePicturesOptions {
   CompareLimits limits = {};
-  float exposure_stops = 0;          // for FLIP only
-  int block_size = 32;               // pixels a side, of the block means
+  float exposure_stops = 0;  // for FLIP only
+  int block_size = 32;       // pixels a side, of the block means
   EqualityOptions equality = {};
   std::vector<Rectangle> excluded = {};  // passed over by everything but the comparison of bits
 };

@@ -139,7 +139,8 @@ Plane filter_channel(const Plane& in, Size size, const Sensitivity& s, double pi
   constexpr double kPi = std::numbers::pi;
   const int radius = static_cast<int>(std::ceil(3 * std::sqrt(kWidestB / (2 * kPi * kPi)) * pixels_per_degree));
   const auto gaussian = [&](double b) {
-    return make_kernel(radius, [&](double i) { return std::exp(-kPi * kPi * i * i / (b * pixels_per_degree * pixels_per_degree)); });
+    const double scale = kPi * kPi / (b * pixels_per_degree * pixels_per_degree);
+    return make_kernel(radius, [&](double i) { return std::exp(-scale * i * i); });
   };
   const auto mass = [&](double a, double b) {
     const double sum = total(gaussian(b));
@@ -193,8 +194,9 @@ Double3 clamped(Double3 c) { return {std::clamp(c.x, 0.0, 1.0), std::clamp(c.y, 
 double colour_difference(Double3 a, Double3 b) {
   constexpr double kExponent = 0.7, kKnee = 0.4, kKneeValue = 0.95;
   static const double kLargest = std::pow(hyab(hunt_lab_from_rgb({0, 1, 0}), hunt_lab_from_rgb({0, 0, 1})), kExponent);
-  const double d = std::pow(hyab(hunt_lab_from_rgb(clamped(rgb_from_opponent(a))),
-                                 hunt_lab_from_rgb(clamped(rgb_from_opponent(b)))), kExponent);
+  const double d =
+      std::pow(hyab(hunt_lab_from_rgb(clamped(rgb_from_opponent(a))), hunt_lab_from_rgb(clamped(rgb_from_opponent(b)))),
+               kExponent);
   const double knee = kKnee * kLargest;
   if (d < knee) return d * kKneeValue / knee;
   return kKneeValue + (d - knee) / (kLargest - knee) * (1 - kKneeValue);

@@ -64,7 +64,8 @@ double mse(const Picture& a, const Picture& b, std::span<const uint8_t> mask) {
 }
 
 double rel_mse(const Picture& a, const Picture& b, std::span<const uint8_t> mask) {
-  return mean_error(a, b, mask, [](double va, double vb) { return (va - vb) * (va - vb) / (vb * vb + kRelMseEpsilon); });
+  return mean_error(a, b, mask,
+                    [](double va, double vb) { return (va - vb) * (va - vb) / (vb * vb + kRelMseEpsilon); });
 }
 
 double mean_ratio(const Picture& a, const Picture& b, std::span<const uint8_t> mask) {

@@ -33,10 +33,11 @@ struct LargestDifference {
 // Means of blocks of size x size pixels; blocks less than half inside the mask are left out.
 struct BlockComparison {
   size_t block_count = 0;
-  double scale = 1;              // least squares: a is about scale * b
-  double correlation = 1;        // Pearson, of the block means of all channels; 1 when neither varies
+  double scale = 1;               // least squares: a is about scale * b
+  double correlation = 1;         // Pearson, of the block means of all channels; 1 when neither varies
   double relative_deviation = 0;  // root mean square of a - scale * b, over the mean of scale * b
 };
-[[nodiscard]] BlockComparison compare_blocks(const Picture& a, const Picture& b, std::span<const uint8_t> mask, int size);
+[[nodiscard]] BlockComparison compare_blocks(const Picture& a, const Picture& b, std::span<const uint8_t> mask,
+                                             int size);
 
 }  // namespace spillway::tools

@@ -20,7 +20,8 @@ float linear_from_srgb(float v) {
 
 // Channels named prefix + R, G, B as pixels; empty when one of them is not there.
 std::vector<Rgb> gather(const std::vector<float>& values, const ImageSpec& spec, const std::string& prefix) {
-  const int r = spec.channelindex(prefix + "R"), g = spec.channelindex(prefix + "G"), b = spec.channelindex(prefix + "B");
+  const int r = spec.channelindex(prefix + "R"), g = spec.channelindex(prefix + "G");
+  const int b = spec.channelindex(prefix + "B");
   if (r < 0 || g < 0 || b < 0) return {};
   const auto stride = static_cast<size_t>(spec.nchannels);
   std::vector<Rgb> pixels(values.size() / stride);

@@ -40,7 +40,7 @@ void add_difference(const Picture& a, const Picture& b, size_t i, int c, Region&
   region.magnitude += std::fabs(va) + std::fabs(vb);
 }
 
-// p of a difference whose variance was estimated by `variance`, with freedom (sum v)^2 / sum v^2 (Welch, Satterthwaite).
+// p of a difference of this variance, estimated with freedom (sum v)^2 / sum v^2 (Welch, Satterthwaite).
 double probability(double difference, double magnitude, double variance, const Region& estimate) {
   const double allowed = kFloatError * magnitude;
   if (std::fabs(difference) <= allowed) return 1;
@@ -58,8 +58,8 @@ class Tester {
     test_blocks();
     test_pixels();
     find_clusters();
-    report_.equal = report_.failing_blocks == 0 && report_.failing_pixels == 0 &&
-                    report_.largest_cluster <= kLargestCluster;
+    report_.equal =
+        report_.failing_blocks == 0 && report_.failing_pixels == 0 && report_.largest_cluster <= kLargestCluster;
     return report_;
   }
 
@@ -183,8 +183,8 @@ double beta_fraction(double a, double b, double x) {
 double incomplete_beta(double a, double b, double x) {
   if (x <= 0) return 0;
   if (x >= 1) return 1;
-  const double front = std::exp(std::lgamma(a + b) - std::lgamma(a) - std::lgamma(b) + a * std::log(x) +
-                                b * std::log1p(-x));
+  const double front =
+      std::exp(std::lgamma(a + b) - std::lgamma(a) - std::lgamma(b) + a * std::log(x) + b * std::log1p(-x));
   // Converges fast on one side of the mean; the other is its complement.
   if (x < (a + 1) / (a + b + 2)) return front * beta_fraction(a, b, x) / a;
   return 1 - front * beta_fraction(b, a, 1 - x) / b;

@@ -25,13 +25,13 @@ struct EqualityOptions {
 
 struct EqualityReport {
   bool equal = false;
-  double least_block_p = 1;    // not corrected
+  double least_block_p = 1;  // not corrected
   double least_pixel_p = 1;
-  double block_level = 0;      // Sidak: p below this in any test is a difference
+  double block_level = 0;  // Sidak: p below this in any test is a difference
   double pixel_level = 0;
   uint64_t failing_blocks = 0;  // channels counted apart
   uint64_t failing_pixels = 0;
-  int largest_cluster = 0;     // connected pixels with p below 0.001 each
+  int largest_cluster = 0;       // connected pixels with p below 0.001 each
   int worst_x = 0, worst_y = 0;  // centre of the least probable block
 };
 
