@@ -4,6 +4,7 @@
 #include <nlohmann/json.hpp>
 
 #include "pipeline/render/film.h"
+#include "pipeline/render/film_file.h"
 #include "pipeline/render/plan.h"
 #include "pipeline/store.h"
 #include "tools/commands.h"

@@ -2,8 +2,8 @@
 
 // The film: sums of radiance and of first-hit values by pixel, in fixed point, in two halves.
 //
-// Owns: the accumulators of a window of the image. Half A takes the even samples, half B the odd ones; each half has its
-//       own count of completed samples, and a pixel is (A + B) / (samples of A + samples of B).
+// Owns: the accumulators of a window of the image. Half A takes the even samples, half B the odd ones; each half has
+//       its own count of completed samples, and a pixel is (A + B) / (samples of A + samples of B).
 // Memory: tag film, exactly Film::bytes(shape), all of it at construction.
 // Threads: add and add_aovs from any number of threads at once; everything else while nobody adds.
 // Order: integer additions commute, and rounding depends on the record alone: any order of records gives the same bits.
@@ -14,7 +14,6 @@
 
 #include <array>
 #include <cstdint>
-#include <filesystem>
 #include <span>
 #include <string>
 #include <vector>
@@ -48,12 +47,15 @@ struct FilmShape {
   uint32_t layers = 0;         // FilmLayer; beauty is always there
   int32_t scale_exponent = 0;  // larger: brighter values fit, dim ones carry more rounding noise
   bool operator==(const FilmShape&) const = default;
+  [[nodiscard]] size_t pixel_count() const { return size_t{window.width()} * window.height(); }
 };
+// Fails when no film can have this shape: says what is wrong with it.
+Status check_shape(const FilmShape& shape);
 
 // What must be equal for two films to be parts of one image.
 struct FilmIdentity {
-  uint64_t settings_key = 0;       // hash of everything that determines the image; made by the caller
-  std::string library_versions;    // libraries whose functions reach pixels
+  uint64_t settings_key = 0;     // hash of everything that determines the image; made by the caller
+  std::string library_versions;  // libraries whose functions reach pixels
 };
 
 // Samples [first, end) of a half, counted within the half: sample number = 2 * index + half.
@@ -113,11 +115,11 @@ class Film {
 
  private:
   struct Half {
-    Buffer<int64_t> beauty;       // 3 a pixel
-    Buffer<int64_t> depth;        // 1
-    Buffer<uint32_t> depth_hits;  // 1
-    Buffer<int32_t> normal;       // 3
-    Buffer<int32_t> albedo;       // 3
+    Buffer<int64_t> beauty;                            // 3 a pixel
+    Buffer<int64_t> depth;                             // 1
+    Buffer<uint32_t> depth_hits;                       // 1
+    Buffer<int32_t> normal;                            // 3
+    Buffer<int32_t> albedo;                            // 3
     std::array<uint64_t, 3> faults{0, 0, UINT64_MAX};  // not finite, out of range, least (sink << 32 | sample)
     std::vector<SampleRange> ranges;                   // ascending, disjoint, not touching
   };
@@ -149,16 +151,5 @@ class Film {
   std::array<Half, 2> halves_;
   Buffer<uint32_t> ids_;  // 3 a pixel
 };
-
-// The integer film as a file: shard, resume file and preview. Holds both halves, or the one whose epoch has closed.
-enum FilmHalves : uint32_t { kHalfA = 1, kHalfB = 2, kBothHalves = 3 };
-inline constexpr const char* kFilmKind = "SPWFILM ";
-inline constexpr uint32_t kFilmVersion = 1;
-
-// A half is whole from the end of its epoch to the first splat of the next epoch of the same half: write it then.
-Status write_film(const Film& film, const std::filesystem::path& path, FilmHalves halves = kBothHalves);
-Result<Film> read_film(const std::filesystem::path& path);
-// Adds what the file holds; the same checks as merge, and the file's name in the message.
-Status merge_film_file(Film& film, const std::filesystem::path& path);
 
 }  // namespace spillway::pipeline

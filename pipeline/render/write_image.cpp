@@ -98,7 +98,9 @@ void put(std::byte*& out, T value) {
 void put(std::byte* out, Rgb c) { put(out, c.r), put(out, c.g), put(out, c.b); }
 
 void put_half(std::byte* out, Rgb c) {
-  const auto half = [](float x) { return _cvtss_sh(std::clamp(x, -kLargestHalf, kLargestHalf), _MM_FROUND_TO_NEAREST_INT); };
+  const auto half = [](float x) {
+    return _cvtss_sh(std::clamp(x, -kLargestHalf, kLargestHalf), _MM_FROUND_TO_NEAREST_INT);
+  };
   put(out, half(c.r)), put(out, half(c.g)), put(out, half(c.b));
 }
 
@@ -106,9 +108,11 @@ std::vector<ChannelGroup> channel_groups(const Film& film, const WriteImageOptio
   std::vector<ChannelGroup> groups;
   const uint32_t layers = film.shape().layers;
   if (options.half_float)
-    groups.push_back({{"R", "G", "B"}, TypeDesc::HALF, [&](auto x, auto y, auto* out) { put_half(out, film.pixel(x, y)); }});
+    groups.push_back(
+        {{"R", "G", "B"}, TypeDesc::HALF, [&](auto x, auto y, auto* out) { put_half(out, film.pixel(x, y)); }});
   else
-    groups.push_back({{"R", "G", "B"}, TypeDesc::FLOAT, [&](auto x, auto y, auto* out) { put(out, film.pixel(x, y)); }});
+    groups.push_back(
+        {{"R", "G", "B"}, TypeDesc::FLOAT, [&](auto x, auto y, auto* out) { put(out, film.pixel(x, y)); }});
   if (layers & kLayerDepth)
     groups.push_back({{"depth.Z"}, TypeDesc::FLOAT, [&](auto x, auto y, auto* out) { put(out, film.depth(x, y)); }});
   if (layers & kLayerNormal)
@@ -117,16 +121,20 @@ std::vector<ChannelGroup> channel_groups(const Film& film, const WriteImageOptio
                         put(out, Rgb{n.x, n.y, n.z});
                       }});
   if (layers & kLayerAlbedo)
-    groups.push_back({{"albedo.R", "albedo.G", "albedo.B"}, TypeDesc::FLOAT,
-                      [&](auto x, auto y, auto* out) { put(out, film.albedo(x, y)); }});
+    groups.push_back({{"albedo.R", "albedo.G", "albedo.B"}, TypeDesc::FLOAT, [&](auto x, auto y, auto* out) {
+                        put(out, film.albedo(x, y));
+                      }});
   if (layers & kLayerIds)
-    groups.push_back({{"id.mesh", "id.material", "id.instance"}, TypeDesc::UINT32,
-                      [&](auto x, auto y, auto* out) { put(out, film.ids(x, y)); }});
+    groups.push_back({{"id.mesh", "id.material", "id.instance"}, TypeDesc::UINT32, [&](auto x, auto y, auto* out) {
+                        put(out, film.ids(x, y));
+                      }});
   if (options.half_buffers) {
-    groups.push_back({{"halfA.R", "halfA.G", "halfA.B"}, TypeDesc::FLOAT,
-                      [&](auto x, auto y, auto* out) { put(out, film.half_pixel(0, x, y)); }});
-    groups.push_back({{"halfB.R", "halfB.G", "halfB.B"}, TypeDesc::FLOAT,
-                      [&](auto x, auto y, auto* out) { put(out, film.half_pixel(1, x, y)); }});
+    groups.push_back({{"halfA.R", "halfA.G", "halfA.B"}, TypeDesc::FLOAT, [&](auto x, auto y, auto* out) {
+                        put(out, film.half_pixel(0, x, y));
+                      }});
+    groups.push_back({{"halfB.R", "halfB.G", "halfB.B"}, TypeDesc::FLOAT, [&](auto x, auto y, auto* out) {
+                        put(out, film.half_pixel(1, x, y));
+                      }});
   }
   return groups;
 }
@@ -252,8 +260,8 @@ Status convert_to_png(const std::filesystem::path& image, const std::filesystem:
   const ImageSpec& spec = input->spec();
   const int channels = spec.nchannels < 3 ? 1 : 3;
   const auto width = static_cast<size_t>(spec.width);
-  SPILLWAY_ASSIGN(ImageFile file,
-                  ImageFile::create(png, "png", png_spec(static_cast<uint32_t>(width), static_cast<uint32_t>(spec.height))));
+  const ImageSpec out_spec = png_spec(static_cast<uint32_t>(width), static_cast<uint32_t>(spec.height));
+  SPILLWAY_ASSIGN(ImageFile file, ImageFile::create(png, "png", out_spec));
   std::vector<float> strip(width * channels * kStripRows);
   std::vector<uint8_t> bytes(width * 3 * kStripRows);
   const float gain = std::exp2(exposure_stops);

@@ -4,12 +4,12 @@
 //
 // Memory: strips of kStripRows scanlines (tag film), and what the library holds for as many.
 // Threads: one caller an image; the library may use threads of its own.
-// Fails: with the file's name; a file is written under a temporary name, synced and renamed, so that nothing half-written
-//        looks whole.
+// Fails: with the file's name; a file is written under a temporary name, synced and renamed, so that nothing
+//        half-written looks whole.
 // Bits: equal films and metadata give equal pixels. (PNG goes through pow: equal with one C library.)
 // Format: channels R, G, B; with layers depth.Z, normal.XYZ, albedo.RGB (float), id.mesh, id.material, id.instance
-//         (uint32, 4294967295: nothing there); with half buffers halfA.RGB and halfB.RGB (float). The data window is the
-//         crop, the display window the full image.
+//         (uint32, 4294967295: nothing there); with half buffers halfA.RGB and halfB.RGB (float). The data window is
+//         the crop, the display window the full image.
 
 #include <cstdint>
 #include <filesystem>

@@ -2,6 +2,7 @@
 
 #include "cache/base/hash.h"
 #include "cache/section_file.h"
+#include "pipeline/render/film_file.h"
 
 #include <gtest/gtest.h>
 #include <tbb/global_control.h>
@@ -172,7 +173,8 @@ TEST_F(FilmTest, values_that_are_not_finite_are_counted_located_and_not_added) {
   const std::vector<SplatRecord> good = splats(shape(), 0, 2);
   film.add(good), clean.add(good);
   const float nan = std::numeric_limits<float>::quiet_NaN();
-  film.add(std::vector<SplatRecord>{{20, 1, 0, {1, nan, 1}}, {9, 3, 0, {kInfinity, 0, 0}}, {9, 4, 0, {-kInfinity, 0, 0}}});
+  film.add(
+      std::vector<SplatRecord>{{20, 1, 0, {1, nan, 1}}, {9, 3, 0, {kInfinity, 0, 0}}, {9, 4, 0, {-kInfinity, 0, 0}}});
   const FilmFaults faults = film.faults();
   EXPECT_EQ(faults.not_finite_count, 3u);
   EXPECT_EQ(faults.out_of_range_count, 0u);

@@ -148,7 +148,7 @@ TEST_F(WriteImageTest, half_floats_round_to_nearest_and_do_not_become_infinite) 
   ASSERT_TRUE(write_exr(test_film(0, 2048.25f), directory_ / "a.exr", metadata_, {.half_float = true}));
   const ReadImage image = read_image(directory_ / "a.exr");
   EXPECT_EQ(image.spec.format, OIIO::TypeDesc::HALF);
-  EXPECT_EQ(image.at(4, 10, "R"), 8192);   // 8193, in steps of 8
+  EXPECT_EQ(image.at(4, 10, "R"), 8192);    // 8193, in steps of 8
   EXPECT_EQ(image.at(36, 94, "G"), 65504);  // 192535.5
 }
 
@@ -175,9 +175,9 @@ TEST_F(WriteImageTest, a_damaged_picture_is_no_png) {
 TEST_F(WriteImageTest, srgb_has_its_published_values) {
   EXPECT_EQ(srgb_byte(0), 0);
   EXPECT_EQ(srgb_byte(1), 255);
-  EXPECT_EQ(srgb_byte(0.5f), 188);    // 187.52 by IEC 61966-2-1
-  EXPECT_EQ(srgb_byte(0.002f), 7);    // linear part: 6.59
-  EXPECT_EQ(srgb_byte(0.18f), 118);   // 117.65... of mid grey
+  EXPECT_EQ(srgb_byte(0.5f), 188);   // 187.52 by IEC 61966-2-1
+  EXPECT_EQ(srgb_byte(0.002f), 7);   // linear part: 6.59
+  EXPECT_EQ(srgb_byte(0.18f), 118);  // 117.65... of mid grey
   EXPECT_EQ(srgb_byte(-3), 0);
   EXPECT_EQ(srgb_byte(kInfinity), 255);
   EXPECT_EQ(srgb_byte(std::nanf("")), 0);
