@@ -28,13 +28,13 @@ namespace spillway::pipeline {
 
 struct PackOptions {
   // Meaning: goes into the manifest.
-  std::vector<std::filesystem::path> source_files;  // what the store is made from, see Store::is_current
+  std::vector<std::filesystem::path> source_files{};  // what the store is made from, see Store::is_current
   // Performance: pages differ, pictures do not.
   uint32_t max_triangles_per_page = 65536;          // 1..65536; larger: fewer, longer reads
-  BuildOptions tree;
+  BuildOptions tree{};
   // Performance: the store's bytes do not differ.
   uint64_t memory_limit_bytes = 2ull << 30;         // larger: fewer passes over the spooled meshes
-  std::filesystem::path scratch;                    // empty: the store directory; holds all triangles once, uncompressed
+  std::filesystem::path scratch{};                  // empty: the store directory; holds all triangles once, uncompressed
 };
 
 class ScenePacker final : public SceneSink {
