@@ -587,7 +587,7 @@ def building():
     out["door"] = door
     frame = Mesh()  # of the window: a cross and a border
     for x0, y0, x1, y1 in ((-1.75, 0.95, -1.69, 2.05), (-0.81, 0.95, -0.75, 2.05), (-1.69, 0.95, -0.81, 1.01),
-                           (-1.69, 1.99, -0.81, 2.05), (-1.27, 1.01, -1.23, 1.99), (-1.69, 1.34, -1.27, 1.37),
+                           (-1.69, 1.99, -0.81, 2.05), (-1.28, 1.01, -1.22, 1.99), (-1.69, 1.34, -1.27, 1.37),
                            (-1.23, 1.34, -0.81, 1.37), (-1.69, 1.66, -1.27, 1.69), (-1.23, 1.66, -0.81, 1.69)):
         frame.box((x0, y0, BACK + 0.10), (x1, y1, BACK + 0.15))
     out["window_frame"] = frame
@@ -796,9 +796,17 @@ Include "materials.pbrt"
 Include "geometry.pbrt"
 Include "instances.pbrt"
 
+# A shaded lamp over the spectator's head.
+AttributeBegin
+  AreaLightSource "diffuse" "rgb L" [ 2.6 1.9 1.25 ]
+  NamedMaterial "paper"
+  Shape "trianglemesh" "point3 P" [ -0.4 2.6 -2.6  1.2 2.6 -2.6  1.2 2.9 -1.7  -0.4 2.9 -1.7 ]
+    "integer indices" [ 0 1 2 0 2 3 ]
+AttributeEnd
+
 # The lit window.
 AttributeBegin
-  AreaLightSource "diffuse" "rgb L" [ 2.9 1.75 0.75 ]
+  AreaLightSource "diffuse" "rgb L" [ 1.5 0.85 0.34 ]
   NamedMaterial "paper"
 """
     z = BACK + 0.2
@@ -808,7 +816,7 @@ AttributeBegin
                                      (0.70, (14, 8.5, 3.6)))):
         p = cable_point(t)
         text += "AttributeBegin\n  " + translate(p[0], p[1] - 0.22, p[2]) + " " + scale(1.3) + '\n  NamedMaterial "iron"\n  ' + shape("lantern_caps")
-        text += '  NamedMaterial "paper"\n  AreaLightSource "diffuse" "rgb L" [ %g %g %g ] "float scale" 0.32\n  ' % colour
+        text += '  NamedMaterial "paper"\n  AreaLightSource "diffuse" "rgb L" [ %g %g %g ] "float scale" 0.19\n  ' % colour
         text += shape("lantern") + "AttributeEnd\n"
     return text
 
