@@ -6,20 +6,23 @@
 // reading attributes in the order of sorted hits reads the file front to back, each block once.
 // (Trace pages are spatial clusters; keeping attributes out of them makes a ray's result independent of the page.)
 //
-// Format, little endian, each block at a 4096-aligned offset:
+// Format, little endian, each block at a 4096-aligned offset, size_bytes a multiple of 4096 (zeros at the end):
 //   AttributeBlockHeader
 //   AttributeSegment[segment_count]        one a mesh that has faces in this block, by ascending prim
-//   per segment, each column 16-aligned, at the offset given in the segment:
+//   per segment, in this order and without gaps beyond the alignment, each column 16-aligned:
 //     uint16 indices[face_count][3]        into this segment's vertices
 //     Float3 position_object[vertex_count]
 //     Float3 normal_object[vertex_count]   only with kHasNormals
 //     Float2 uv[vertex_count]              only with kHasUvs
+// There is one layout for given contents, so that a reader can refuse every other.
 
 #include <cstdint>
 #include <span>
 #include <string_view>
+#include <vector>
 
 #include "cache/base/ids.h"
+#include "cache/base/memory.h"
 #include "cache/base/result.h"
 #include "cache/base/vec.h"
 
@@ -28,6 +31,8 @@ namespace spillway::cache {
 inline constexpr uint32_t kAttributeBlockMagic = 0x42415053;  // "SPAB"
 inline constexpr uint32_t kAttributeBlockVersion = 1;
 inline constexpr uint32_t kMaxFacesPerAttributeBlock = 16384;
+inline constexpr uint32_t kMaxVerticesPerAttributeSegment = 65535;  // 16-bit indices; 16384 faces have at most 49152
+inline constexpr uint32_t kAttributeBlockAlignment = 4096;
 
 struct AttributeBlockHeader {
   uint32_t magic;
@@ -57,20 +62,32 @@ struct AttributeSegment {
 };
 static_assert(sizeof(AttributeSegment) == 40);
 
+// The faces of one mesh for one block, as the writer has them. Columns that are empty are absent.
+struct AttributeSegmentData {
+  uint32_t mesh = MeshId::kNone;
+  uint32_t first_prim = 0;
+  std::vector<uint16_t> indices;  // three a face
+  std::vector<Float3> positions, normals;
+  std::vector<Float2> uvs;
+};
+
+// The bytes of a block. Segments by ascending prim, dense; at most kMaxFacesPerAttributeBlock faces in all.
+Buffer<std::byte> build_attribute_block(std::span<const AttributeSegmentData> segments);
+
 // One triangle, gathered.
 struct TriangleAttributes {
   MeshId mesh;
   bool has_normals = false;
   bool has_uvs = false;
-  Float3 position_object[3];
-  Float3 normal_object[3];
-  Float2 uv[3];  // (0,0), (1,0), (1,1)-style defaults are the caller's business when has_uvs is false
+  Float3 position_object[3] = {};
+  Float3 normal_object[3] = {};
+  Float2 uv[3] = {};  // (0,0), (1,0), (1,1)-style defaults are the caller's business when has_uvs is false
 };
 
 // Checks everything a reader will follow: sizes, offsets, indices, order. `where` names file and block for the message.
 Status validate_attribute_block(std::span<const std::byte> block, std::string_view where);
 
-// prim must lie in the (validated) block.
+// prim must lie in the (validated) block. Absent normals and uvs are zero.
 TriangleAttributes triangle_attributes(std::span<const std::byte> block, PrimId prim);
 
 }  // namespace spillway::cache

@@ -4,7 +4,8 @@
 // by sampled splitters over the whole key and brought back one partition after the other.
 //
 // In: append() any number of times. Out: partitions in key order, each a contiguous array in memory.
-// Memory: `tag` up to memory_limit_bytes in both phases.
+// Memory: `tag` up to memory_limit_bytes in both phases: while filling, records, keys and sort pairs of one run and its
+//         sorted copy (2 record + 48 bytes an item); while reading, one partition the same way.
 // Threads: one appender; sorting and reading use the threads of the current arena.
 // Order: by key; the caller makes keys unique, so the order is total and depends on nothing else.
 // Based on: sample sort of external runs (splitters from every run's every n-th key), one write and one read a record.
@@ -26,14 +27,25 @@ struct SortKey {
   friend bool operator==(const SortKey& a, const SortKey& b) = default;
 };
 
+// A piece of what a parallel stage made: keys and records, to be appended in order with others.
+struct SortSpan {
+  const SortKey* keys = nullptr;
+  const void* records = nullptr;
+  size_t count = 0;
+};
+
 class ByteSort {
  public:
   ByteSort(size_t record_bytes, StreamOptions options);
   ByteSort(ByteSort&&) noexcept;
+  ByteSort& operator=(ByteSort&&) noexcept;
   ~ByteSort();
 
   Status append(std::span<const SortKey> keys, std::span<const std::byte> records);
+  // The same as appending one after the other; copies in parallel while the run has room.
+  Status append(std::span<const SortSpan> pieces);
   Status finish();
+  void clear();  // empty again; keeps its memory, gives its scratch back
   [[nodiscard]] size_t partition_count() const;  // 1 when nothing was spilled (0 when empty)
   [[nodiscard]] uint64_t spilled_bytes() const;
   [[nodiscard]] uint64_t size() const;
@@ -52,7 +64,9 @@ class ExternalSort {
   Status append(std::span<const SortKey> keys, std::span<const T> records) {
     return sort_.append(keys, std::as_bytes(records));
   }
+  Status append(std::span<const SortSpan> pieces) { return sort_.append(pieces); }  // records each of T
   Status finish() { return sort_.finish(); }
+  void clear() { sort_.clear(); }
   [[nodiscard]] size_t partition_count() const { return sort_.partition_count(); }
   [[nodiscard]] uint64_t spilled_bytes() const { return sort_.spilled_bytes(); }
   [[nodiscard]] uint64_t size() const { return sort_.size(); }

@@ -2,14 +2,16 @@
 
 // Parts of one large file (trace pages, attribute blocks) in memory as far as a budget allows; the rest is swept.
 //
-// Owns: the open file, the resident parts, the read-ahead buffers.
-// Memory: `tag`, at most memory_limit_bytes: resident parts plus read_ahead_bytes for the sweep. When all parts fit,
-//         no read-ahead buffer exists and everything is read once.
-// Threads: resident() may be called from any thread between sweeps; sweep() by one thread at a time, its visitor is
-//          called on the caller's thread, one part after the other, while a few reader threads fetch the next ones.
+// Owns: the open file, the resident parts, the read-ahead buffer, the reader threads.
+// Memory: `tag`, at most memory_limit_bytes: resident parts, plus one ring of read-ahead bytes for parts that come and
+//         go. When all parts fit there is no ring, everything is read once, and the reader threads end with the last.
+// Threads: resident() may be called from any thread between sweeps; everything else by one thread at a time. The visitor
+//          and the callbacks run on the sweeping thread, one part after the other, while a few reader threads fetch and
+//          validate the next ones: `validate` must bear concurrent calls. No lock is held over I/O or validation.
 // Residency: filled first come, first kept, then never displaced during a wave (a cyclic scan through an LRU cache hits
 //            nothing); rebalance() at a wave boundary may swap resident parts for ones that more waves asked for.
-// Fails: short or failed reads and parts that `validate` refuses: an error naming file, part and offset.
+// Fails: short or failed reads and parts that `validate` refuses: an error naming file, part and offset. The store
+//        remains usable: nothing is in flight, the part that failed is not in memory.
 
 #include <cstddef>
 #include <cstdint>
@@ -28,7 +30,7 @@ namespace spillway::cache {
 
 struct Part {
   uint64_t offset_bytes = 0;  // 4096-aligned
-  uint64_t size_bytes = 0;
+  uint64_t size_bytes = 0;    // more than 0
 };
 
 struct PartStoreCounters {
@@ -46,15 +48,24 @@ class PartStore {
     MemoryTag tag = MemoryTag::pages;
     IoPurpose purpose = IoPurpose::pages;
     uint64_t memory_limit_bytes = UINT64_MAX;
-    uint64_t read_ahead_bytes = 32 << 20;  // within the limit; larger: more reads in flight
+    uint64_t read_ahead_bytes = 32 << 20;  // within the limit, of which it takes a quarter at most unless two of the
+                                           // largest parts need more; larger: more reads in flight, less resident
     int reader_threads = 4;
     bool direct = false;
+    // Told of every visit of every sweep, in order, and whether its part had to be read: the log from which tests and
+    // `whatif` recompute the counters. May be empty.
+    std::function<void(uint32_t part, bool read)> access_log = {};
   };
   using Validate = std::function<Status(std::span<const std::byte> part, std::string_view where)>;
 
+  // Refuses a limit below smallest_limit_bytes(parts), naming that number. `validate` may be empty.
   static Result<std::unique_ptr<PartStore>> open(const std::filesystem::path& path, std::vector<Part> parts,
                                                  Options options, Validate validate);
   ~PartStore();
+
+  // The least memory that can sweep these parts: the largest one. And what holds all of them.
+  [[nodiscard]] static uint64_t smallest_limit_bytes(std::span<const Part> parts);
+  [[nodiscard]] static uint64_t whole_bytes(std::span<const Part> parts);
 
   [[nodiscard]] size_t size() const;
   // The part's bytes, or an empty span when it is not in memory.
@@ -67,10 +78,14 @@ class PartStore {
   using Visit = std::function<Status(uint32_t part, std::span<const std::byte> bytes)>;
   Status sweep(std::span<const uint32_t> parts, const Visit& visit);
 
+  // A resident part was used in this wave without a sweep: rebalance() then knows that it is wanted.
+  void note_use(uint32_t part);
   // At a wave boundary: resident parts that fewer waves asked for give way to ones that more waves asked for.
   void rebalance();
   [[nodiscard]] PartStoreCounters counters() const;
   [[nodiscard]] bool all_resident() const;
+  [[nodiscard]] bool fits() const;  // within the limit, all of them: nothing ever leaves
+  [[nodiscard]] bool direct_effective() const;
 
  private:
   struct State;

@@ -28,6 +28,12 @@ struct StreamOptions {
   Scratch* scratch = nullptr;                // none: must never exceed its limit
 };
 
+// A piece of what a parallel stage made, to be appended in order with others.
+struct RecordSpan {
+  const void* records = nullptr;
+  size_t count = 0;
+};
+
 // The untyped part; records of a fixed size in bytes.
 class ByteStream {
  public:
@@ -37,7 +43,10 @@ class ByteStream {
   ~ByteStream();
 
   Status append(std::span<const std::byte> records);
+  // The same as appending one after the other; copies in parallel while everything stays in memory.
+  Status append(std::span<const RecordSpan> pieces);
   Status finish();  // flushes; afterwards only reads
+  void clear();     // empty again, ready for appends; keeps its memory, gives its scratch back
   [[nodiscard]] uint64_t size() const;  // records
   [[nodiscard]] uint64_t spilled_bytes() const;
   // Copies records [first, first + out.size() / record_bytes) to out. Sequential readers should ask for whole
@@ -57,7 +66,9 @@ class RecordStream {
  public:
   explicit RecordStream(StreamOptions options) : bytes_(sizeof(T), std::move(options)) {}
   Status append(std::span<const T> records) { return bytes_.append(std::as_bytes(records)); }
+  Status append(std::span<const RecordSpan> pieces) { return bytes_.append(pieces); }  // each of T
   Status finish() { return bytes_.finish(); }
+  void clear() { bytes_.clear(); }
   [[nodiscard]] uint64_t size() const { return bytes_.size(); }
   [[nodiscard]] uint64_t spilled_bytes() const { return bytes_.spilled_bytes(); }
   [[nodiscard]] uint64_t records_per_block() const { return bytes_.records_per_block(); }

@@ -29,8 +29,18 @@ struct ImageInfo {
   char file_name[64];  // inside the store's textures folder
   uint32_t width, height, channels, levels;
   TexelEncoding encoding;
+  uint32_t texel_bytes;  // of one channel: 1 (8 bit) or 4 (float)
   float mean[4];  // linear, of the finest level
 };
+
+inline constexpr uint32_t kTileSize = 64;
+
+// Sizes of a level: halved and rounded down, at least one.
+[[nodiscard]] constexpr uint32_t level_size(uint32_t size, uint32_t level) { return size >> level > 0 ? size >> level : 1; }
+
+// The sRGB transfer function (IEC 61966-2-1), encoded to linear.
+[[nodiscard]] float linear_from_srgb(float encoded);
+[[nodiscard]] float srgb_from_linear(float linear);
 
 struct TextureRequest {
   uint32_t image;
@@ -57,6 +67,8 @@ class TextureCache {
   static Result<std::unique_ptr<TextureCache>> open(const std::filesystem::path& textures_directory,
                                                     std::span<const ImageInfo> images, Options options);
   ~TextureCache();
+  // What all tiles of all levels take decoded, with what the library holds beside them: a limit that never bites.
+  [[nodiscard]] static uint64_t bytes_for_all(std::span<const ImageInfo> images);
 
   // values[i] answers requests[i]. Fastest when neighbours in the block share tiles.
   Status look_up(std::span<const TextureRequest> requests, std::span<Texel> values);

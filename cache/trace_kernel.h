@@ -36,12 +36,14 @@ inline TraceHit no_hit(const TraceRay& ray) { return {ray.t_max, 0, 0, PrimId::k
 
 // Traces one ray through one page as seen from `instance` (0: no transform), shortening `hit`.
 template <TraceMode mode>
-void trace_page(const TracePageView& page, uint32_t instance, const PageTree& tree, const TraceRay& ray, TraceHit& hit);
+void trace_page(const TracePageView& page, uint32_t instance, const PageTree& tree, const TraceRay& ray, TraceHit& hit,
+                TraceCounters& work);
 
 // Traces one ray through all resident pages, front to back. Returns whether a page that is not resident was met
 // (its box entered at t <= hit.t): such rays go on to the sweep.
 template <TraceMode mode>
-bool trace_resident(const PageTree& tree, const ResidentPages& pages, const TraceRay& ray, TraceHit& hit);
+bool trace_resident(const PageTree& tree, const ResidentPages& pages, const TraceRay& ray, TraceHit& hit,
+                    TraceCounters& work);
 
 // A page that a ray must still be traced through, as seen from an instance.
 struct PageVisit {
@@ -50,6 +52,6 @@ struct PageVisit {
 // Every page in [first_page, last_page) that is not resident and whose box (in every enclosing tree) the ray enters at
 // t <= hit.t. Writes at most `capacity` visits, returns how many there are; order unspecified.
 size_t pages_met(const PageTree& tree, const ResidentPages& pages, uint32_t first_page, uint32_t last_page,
-                 const TraceRay& ray, const TraceHit& hit, PageVisit* visits, size_t capacity);
+                 TraceMode mode, const TraceRay& ray, const TraceHit& hit, PageVisit* visits, size_t capacity);
 
 }  // namespace spillway::cache

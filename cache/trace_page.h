@@ -45,14 +45,15 @@ inline constexpr uint32_t kNoChild = 0xffffffffu;
 inline constexpr uint32_t kLeafBit = 0x80000000u;
 
 // Child box in axis a: origin[a] + scale[a] * lower[a][i] .. origin[a] + scale[a] * upper[a][i], padded outwards by one
-// quantum at build time. Empty slots: child kNoChild and an inverted box (lower 255, upper 0).
+// quantum at build time. Slots in use are the first child_count; the others hold kNoChild.
 struct alignas(64) TraceNode {
   float origin[3];
   float scale[3];
   uint8_t lower[3][8];
   uint8_t upper[3][8];
   uint32_t child[8];
-  uint32_t reserved[6];
+  uint32_t child_count;
+  uint32_t reserved[5];
 };
 static_assert(sizeof(TraceNode) == 128);
 
@@ -63,14 +64,16 @@ struct alignas(32) TraceLeaf {
 };
 static_assert(sizeof(TraceLeaf) == 160);
 
-// Opacity of 4^level micro-triangles, two bits each, first in the lowest bits; index by bird-curve-free row order:
-// row = floor(v * 2^level), see micro_triangle_index().
+// Opacity of 4^level micro-triangles, two bits each, first in the lowest bits. Micro-triangles are
+// numbered row by row (rows of equal v), see micro_triangle_index().
 enum class Opacity : uint8_t { opaque = 0, clear = 1, unknown = 2 };
 struct OpacityMicromap {
   uint32_t level;
   // uint8 states[4^level / 4, at least 1]
 };
 inline constexpr uint32_t kMaxMicromapLevel = 8;
+// n = 2^level; row = floor(v n), row r starts at r (2 n - r) and holds 2 (n - r) - 1 micro-triangles, alternately
+// upright and inverted from u = 0 on.
 [[nodiscard]] uint32_t micro_triangle_index(float u, float v, uint32_t level);
 
 // Checks everything the kernel will follow: checksum, sizes, children after parents, depth, indices, finite vertices.

@@ -24,9 +24,6 @@ spillway_library(openimageio OpenImageIO/imagecache.h OpenImageIO OpenImageIO_Ut
 target_link_libraries(spillway::openimageio INTERFACE spillway::imath)
 spillway_library(json nlohmann/json.hpp)
 spillway_library(cli11 CLI/CLI.hpp)
-spillway_library(spdlog spdlog/spdlog.h spdlog)
-target_compile_definitions(spillway::spdlog INTERFACE SPDLOG_COMPILED_LIB SPDLOG_FMT_EXTERNAL)
-target_link_libraries(spillway::spdlog INTERFACE spillway::fmt)
 
 find_library(SPILLWAY_embree4_LIBRARY embree4)
 if(SPILLWAY_embree4_LIBRARY)

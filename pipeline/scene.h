@@ -50,6 +50,7 @@ struct Material {
   Param base_u_roughness, base_v_roughness;  // of the conductor below a coat
   Param conductor_eta, conductor_k;
   float eta = 1.5f;                       // dielectric, coat
+  float coat_internal_reflectance = 0;    // shading::internal_diffuse_reflectance(eta), set by the packer
   uint32_t displacement = TextureId::kNone;  // bump map, world units along the normal
   uint32_t mix_material[2] = {MaterialId::kNone, MaterialId::kNone};
   Param mix_amount;                       // 0 takes the first, 1 the second

@@ -17,8 +17,8 @@ enum class BsdfKind : uint8_t {
   conductor,         // GGX, height-correlated Smith; alpha 0 is a mirror
   dielectric,        // GGX interface, reflects and refracts; alpha 0 is smooth
   thin_dielectric,   // a parallel slab without thickness: delta reflection and straight transmission
-  coated_diffuse,    // dielectric coat over Lambert, with the internal scattering term (closed form)
-  coated_conductor,  // dielectric coat over a conductor (closed form)
+  coated_diffuse,    // dielectric coat over Lambert: F + (1-F_i)(1-F_o) rho / (pi eta^2 (1 - rho F_internal))
+  coated_conductor,  // dielectric coat over a conductor: F + (1-F_i)(1-F_o) conductor; light lost between is not returned
 };
 
 // All numbers resolved: no textures, no handles.
@@ -29,7 +29,12 @@ struct BsdfParams {
   float eta = 1.5f;                          // relative index, inside over outside, of dielectric or coat
   Rgb reflectance{0, 0, 0};                  // diffuse albedo
   Rgb conductor_eta{0, 0, 0}, conductor_k{0, 0, 0};
+  float coat_internal_reflectance = 0;       // of coated_diffuse: internal_diffuse_reflectance(eta)
 };
+
+// Share of diffuse light that a smooth boundary of relative index eta > 1 throws back from inside: exact (Walsh 1926,
+// in Dunlop 1969), through (1 - internal) = (1 - external) / eta^2.
+[[nodiscard]] float internal_diffuse_reflectance(float eta);
 
 // Below this alpha a lobe is treated as a delta.
 inline constexpr float kSmoothAlpha = 1e-3f;

@@ -29,6 +29,7 @@ struct LightTable {
   std::span<const float> cdf;      // size lights + 1, cdf[0] = 0, last = 1: in proportion to power
   Float3 scene_center_world{0, 0, 0};
   float scene_radius_world = 1;
+  uint32_t first_infinite = 0;  // infinite lights are the last of the table
 };
 
 // Radiant power, for the selection table; infinite and distant lights use the scene's radius.
@@ -36,7 +37,8 @@ struct LightTable {
 
 struct LightSample {
   Float3 w_next_world{0, 0, 1};  // unit, towards the light
-  float distance = 0;            // to the light's point; infinity for distant and infinite lights
+  Float3 point_world{0, 0, 0};   // on the light, where it has a place
+  float distance = 0;            // to that point; infinity for distant and infinite lights
   Rgb radiance{0, 0, 0};         // arriving if nothing is in between (point: intensity / distance^2)
   float pdf_solid_angle = 0;     // including the pmf of the light; for deltas: the pmf alone
   bool is_delta = false;
@@ -49,6 +51,7 @@ struct LightSample {
 // Density with which sample_light would have chosen this point: equal, bit for bit, to what sampling returned.
 [[nodiscard]] float triangle_pdf_solid_angle(const LightTable& table, uint32_t index, Float3 receiver_world, Float3 point_world);
 
+[[nodiscard]] bool has_infinite_light(const LightTable& table);
 // Sum over the infinite lights.
 [[nodiscard]] Rgb infinite_radiance(const LightTable& table, Float3 w_world);
 [[nodiscard]] float infinite_pdf_solid_angle(const LightTable& table, Float3 w_world);

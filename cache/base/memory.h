@@ -85,8 +85,14 @@ class Buffer {
   operator std::span<T>() { return {data_, size_}; }
   operator std::span<const T>() const { return {data_, size_}; }
 
-  // The capacity is fixed at construction; only the count of items in use changes.
+  // The count of items in use, within the capacity.
   void set_size(size_t size) { size_ = size; }
+  // Room for `capacity` items; what it held is gone when it has to grow.
+  void renew(MemoryTag tag, size_t capacity) {
+    if (capacity <= capacity_) return;
+    *this = Buffer();
+    *this = Buffer(tag, capacity);
+  }
   void swap(Buffer& other) noexcept {
     std::swap(tag_, other.tag_), std::swap(size_, other.size_);
     std::swap(capacity_, other.capacity_), std::swap(data_, other.data_);

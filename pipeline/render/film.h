@@ -21,30 +21,9 @@
 #include "cache/base/memory.h"
 #include "cache/base/result.h"
 #include "cache/base/vec.h"
+#include "pipeline/records.h"
 
 namespace spillway::pipeline {
-
-// Radiance that a sample found. sink = y * full width + x, inside the window. event: unique inside a path (it keys the
-// rounding). Written by shade_hits, shade_escaped and arriving shadow rays, read by the film.
-struct SplatRecord {
-  uint32_t sink;
-  uint32_t sample;
-  uint32_t event;
-  Rgb value;
-};
-static_assert(sizeof(SplatRecord) == 24);
-
-// What a sample saw first. One a sample when the film has such layers. A miss has depth +infinity, a normal and an
-// albedo of zero, and kNone as ids.
-struct AovRecord {
-  uint32_t sink;
-  uint32_t sample;
-  float depth;  // along the ray, world units
-  Float3 normal_world;
-  Rgb albedo;
-  uint32_t mesh, material, instance;
-};
-static_assert(sizeof(AovRecord) == 48);
 
 enum FilmLayer : uint32_t {
   kLayerDepth = 1,   // mean over the samples that hit; +infinity where none did

@@ -3,10 +3,14 @@
 // Stage trace_rays: every ray of a wave meets every page it must, resident pages first, then one sweep.
 //
 // In: hot columns of path and shadow rays, and the order (a permutation of all of them) that sort_rays chose.
-// Out: a TraceHit each, at the ray's own index.
-// Memory: tag rays: (page, ray) pairs up to pair_limit_bytes; beyond it the sweep is cut into windows of pages.
-// Order: the nearest hit is a minimum over (t, instance, prim): any order of rays, pages, windows gives the same.
+// Out: a TraceHit each, at the ray's own index. Occluded shadow rays: kHitOccluded and nothing else.
+// Memory: tag rays. None when every page is resident. Else one bit a ray, and when rays wait for pages: (page, ray) pairs
+//         up to pair_limit_bytes and a table of pairs by page and range of rays (at most 32 MiB). More pairs: the sweep
+//         is cut into windows of pages; a page with more pairs than the limit is met ray by ray, without pairs.
+// Order: the nearest hit is a minimum over (t, instance, prim): any order of rays, pages, windows gives the same. Within
+//        a page all pairs of a ray belong to one task.
 // Based on: Hyperion (Eisenacher et al. 2013) for sorted batches; PantaRay (Pantaleoni et al. 2010) for paged geometry.
+//           Here resident pages come first and shorten the rays, so that a page is read only when a ray still needs it.
 
 #include <cstdint>
 #include <span>
@@ -18,20 +22,26 @@
 namespace spillway::pipeline {
 
 struct TraceRaysOptions {
-  uint64_t pair_limit_bytes = 64 << 20;  // larger: fewer windows, fewer passes through the page tree
-  uint32_t block_rays = 512;             // rays a task
+  uint64_t pair_limit_bytes = 64 << 20;  // 8 bytes a pair; larger: fewer windows, fewer passes through the page tree
+  uint32_t block_rays = 512;             // rays or pairs a task
 };
 
 struct TraceRaysReport {
   uint64_t ray_count = 0, resident_only_count = 0, pair_count = 0, window_count = 0;
-  uint64_t pages_touched = 0;  // by this wave, not resident at its start
+  uint64_t pages_touched = 0;  // swept: not resident at the wave's start, and some ray had to visit them
   cache::TraceCounters work;
+
+  TraceRaysReport& operator+=(const TraceRaysReport& other);
 };
 
-// The pages of a store as the kernel sees them: views follow residency.
+// The pages of a store as the kernel sees them: views follow residency, through the store's on_residency().
 class PageViews {
  public:
   explicit PageViews(cache::PartStore& pages);
+  PageViews(const PageViews&) = delete;
+  PageViews& operator=(const PageViews&) = delete;
+  ~PageViews();
+
   [[nodiscard]] cache::ResidentPages resident() const { return {views_.data()}; }
   [[nodiscard]] cache::PartStore& pages() { return *pages_; }
 
@@ -46,6 +56,7 @@ struct TraceBatch {
   std::span<const uint32_t> order;  // indices below path_rays.size() are paths, the rest shadow rays
 };
 
+// Replaces `report`. Fails when a page cannot be read or is damaged; hits are then incomplete.
 Status trace_rays(const cache::PageTree& tree, PageViews& pages, const TraceBatch& batch,
                   const TraceRaysOptions& options, TraceRaysReport& report);
 

@@ -1,0 +1,272 @@
+#include "cache/external_sort.h"
+
+#include <algorithm>
+#include <vector>
+
+#include "cache/base/check.h"
+#include "cache/base/hash.h"
+#include "cache/base/parallel.h"
+#include "cache/radix_sort.h"
+
+// A run on scratch: sorted records in blocks of `block_bytes` (BlockHeader, records, zeros), and apart from them the keys
+// of the run, in blocks of the same count, so that a partition finds its bounds by reading keys of two blocks a run.
+// Every run's first key of each block stays in memory (16 bytes a block): splitters are chosen among these.
+
+namespace spillway::cache {
+namespace {
+
+constexpr uint32_t kRunMagic = 0x4e525053;  // "SPRN"
+constexpr size_t kGatherBlock = 2048;
+
+struct BlockHeader {
+  uint32_t magic;
+  uint32_t count;
+  uint64_t index;
+  uint64_t checksum;  // of keys and records
+};
+
+uint64_t aligned(uint64_t bytes) { return (bytes + kDirectAlignment - 1) / kDirectAlignment * kDirectAlignment; }
+
+struct Run {
+  uint64_t offset_bytes = 0;
+  uint64_t size = 0;                 // records
+  std::vector<SortKey> block_keys;   // first key of each block
+};
+
+}  // namespace
+
+struct ByteSort::State {
+  size_t record_bytes;
+  StreamOptions options;
+  uint64_t capacity;                 // records of a run, and of a partition
+  uint64_t records_per_block, block_bytes;
+  Buffer<std::byte> records, sorted;
+  Buffer<SortKey> keys;
+  Buffer<KeyIndex<uint64_t>> pairs, pair_scratch;
+  uint64_t filled = 0, size = 0;
+  std::unique_ptr<Scratch::File> file;
+  uint64_t file_bytes = 0;
+  std::vector<Run> runs;
+  std::vector<SortKey> splitters;    // partition p holds keys in [splitters[p], splitters[p + 1])
+  bool finished = false;
+
+  State(size_t bytes, StreamOptions o) : record_bytes(bytes), options(std::move(o)) {
+    const uint64_t item_bytes = 2 * record_bytes + sizeof(SortKey) + 2 * sizeof(KeyIndex<uint64_t>);
+    capacity = std::clamp<uint64_t>(options.memory_limit_bytes / item_bytes, 64, UINT32_MAX);
+    const uint64_t stored = record_bytes + sizeof(SortKey);
+    // A partition reads a piece of every run, rounded to blocks: blocks are small against a partition.
+    const uint64_t wanted = std::clamp<uint64_t>(capacity * stored / 256, kDirectAlignment, options.block_bytes);
+    block_bytes = aligned(std::max<uint64_t>(wanted, sizeof(BlockHeader) + stored));
+    records_per_block = (block_bytes - sizeof(BlockHeader)) / stored;
+  }
+
+  // Room for `wanted` items in all arrays, by doubling up to the capacity (a partition of very many runs may need more).
+  void grow(uint64_t wanted) {
+    const uint64_t had = keys.capacity();
+    if (wanted <= had) return;
+    const uint64_t count = std::max(wanted, std::min(capacity, std::max<uint64_t>(2 * had, 4096)));
+    Buffer<std::byte> more_records(options.tag, count * record_bytes);
+    Buffer<SortKey> more_keys(options.tag, count);
+    if (filled > 0) {
+      std::memcpy(more_records.data(), records.data(), filled * record_bytes);
+      std::memcpy(static_cast<void*>(more_keys.data()), keys.data(), filled * sizeof(SortKey));
+    }
+    records = std::move(more_records), keys = std::move(more_keys);
+    sorted = {}, pairs = {}, pair_scratch = {};
+    sorted = Buffer<std::byte>(options.tag, count * record_bytes);
+    pairs = Buffer<KeyIndex<uint64_t>>(options.tag, count);
+    pair_scratch = Buffer<KeyIndex<uint64_t>>(options.tag, count);
+  }
+
+  // Orders pairs by the whole key: radix on the high half, then each run of equal high halves by the low one.
+  void sort_filled() {
+    const std::span items(pairs.data(), filled);
+    parallel_blocks(filled, kGatherBlock, [&](size_t, size_t first, size_t last) {
+      for (size_t i = first; i < last; ++i) items[i] = {keys[i].high, static_cast<uint32_t>(i)};
+    });
+    radix_sort(items, {pair_scratch.data(), filled});
+    const auto low = [&](const KeyIndex<uint64_t>& item) { return keys[item.index].low; };
+    for (size_t first = 0; first < filled;) {
+      size_t last = first + 1;
+      while (last < filled && items[last].key == items[first].key) ++last;
+      if (last - first > 1)
+        std::sort(items.begin() + first, items.begin() + last, [&](const auto& a, const auto& b) { return low(a) < low(b); });
+      first = last;
+    }
+    parallel_blocks(filled, kGatherBlock, [&](size_t, size_t first, size_t last) {
+      for (size_t i = first; i < last; ++i)
+        std::memcpy(sorted.data() + i * record_bytes, records.data() + uint64_t{items[i].index} * record_bytes,
+                    record_bytes);
+    });
+  }
+
+  // Writes the sorted records as a run, and forgets them.
+  Status spill_run() {
+    if (options.scratch == nullptr)
+      return error("{}: more than {} bytes and no scratch to spill to; this is a bug", options.what,
+                   options.memory_limit_bytes);
+    if (!file) {
+      SPILLWAY_ASSIGN(file, options.scratch->create_file(options.what, options.purpose));
+    }
+    sort_filled();
+    Run run{file_bytes, filled, {}};
+    Buffer<std::byte> block(MemoryTag::streams, block_bytes);
+    for (uint64_t first = 0; first < filled; first += records_per_block) {
+      const uint64_t count = std::min(records_per_block, filled - first);
+      run.block_keys.push_back(keys[pairs[first].index]);
+      fill_block(block, first, count, run.block_keys.size() - 1);
+      SPILLWAY_TRY(file->write(file_bytes, block));
+      file_bytes += block_bytes;
+    }
+    runs.push_back(std::move(run));
+    filled = 0;
+    return {};
+  }
+
+  // Keys first, then records.
+  void fill_block(Buffer<std::byte>& block, uint64_t first, uint64_t count, uint64_t index) {
+    auto* to = reinterpret_cast<SortKey*>(block.data() + sizeof(BlockHeader));
+    for (uint64_t i = 0; i < count; ++i) to[i] = keys[pairs[first + i].index];
+    std::memcpy(block.data() + sizeof(BlockHeader) + count * sizeof(SortKey), sorted.data() + first * record_bytes,
+                count * record_bytes);
+    const uint64_t used = count * (sizeof(SortKey) + record_bytes);
+    const BlockHeader header{kRunMagic, static_cast<uint32_t>(count), index,
+                             checksum(block.data() + sizeof(BlockHeader), used)};
+    std::memcpy(block.data(), &header, sizeof header);
+  }
+
+  // A block of a run, checked: its keys and its records.
+  struct Block {
+    std::span<const SortKey> keys;
+    const std::byte* records;
+  };
+  Result<Block> read_block(const Run& run, uint64_t index, Buffer<std::byte>& into) const {
+    const uint64_t offset = run.offset_bytes + index * block_bytes;
+    SPILLWAY_TRY(file->read(offset, into));
+    BlockHeader header;
+    std::memcpy(&header, into.data(), sizeof header);
+    const uint64_t used = header.count * (sizeof(SortKey) + record_bytes);
+    const bool sane = header.magic == kRunMagic && header.index == index && header.count <= records_per_block;
+    if (!sane || checksum(into.data() + sizeof header, used) != header.checksum)
+      return error("{}: block {} at byte {} of a sorted run came back damaged; check the disk", options.what, index, offset);
+    const std::byte* body = into.data() + sizeof header;
+    return Block{{reinterpret_cast<const SortKey*>(body), header.count}, body + header.count * sizeof(SortKey)};
+  }
+
+  // Splitters such that no partition can exceed the capacity. The keys of blocks are samples: between two neighbouring
+  // splitters `n` sampled blocks start, so at most n + runs blocks overlap.
+  void choose_splitters() {
+    std::vector<SortKey> samples;
+    for (const Run& run : runs) samples.insert(samples.end(), run.block_keys.begin(), run.block_keys.end());
+    std::sort(samples.begin(), samples.end());
+    const uint64_t blocks_that_fit = capacity / records_per_block;
+    const uint64_t stride = blocks_that_fit > runs.size() + 1 ? blocks_that_fit - runs.size() : 1;
+    splitters = {SortKey{0, 0}};
+    for (uint64_t i = stride; i < samples.size(); i += stride)
+      if (splitters.back() < samples[i]) splitters.push_back(samples[i]);
+  }
+
+  // Appends what the run has of [from, to) to the filling arrays.
+  Status load(const Run& run, const SortKey& from, const SortKey* to, Buffer<std::byte>& block) {
+    const auto after = std::upper_bound(run.block_keys.begin(), run.block_keys.end(), from);
+    uint64_t index = after == run.block_keys.begin() ? 0 : static_cast<uint64_t>(after - run.block_keys.begin()) - 1;
+    for (; index < run.block_keys.size() && (to == nullptr || run.block_keys[index] < *to); ++index) {
+      SPILLWAY_ASSIGN(const Block content, read_block(run, index, block));
+      const auto first = std::lower_bound(content.keys.begin(), content.keys.end(), from) - content.keys.begin();
+      const auto last = to == nullptr
+                            ? static_cast<std::ptrdiff_t>(content.keys.size())
+                            : std::lower_bound(content.keys.begin(), content.keys.end(), *to) - content.keys.begin();
+      const auto count = static_cast<uint64_t>(last - first);
+      grow(filled + count);
+      std::copy(content.keys.begin() + first, content.keys.begin() + last, keys.data() + filled);
+      std::memcpy(records.data() + filled * record_bytes, content.records + first * record_bytes, count * record_bytes);
+      filled += count;
+    }
+    return {};
+  }
+};
+
+ByteSort::ByteSort(size_t record_bytes, StreamOptions options)
+    : state_(std::make_unique<State>(record_bytes, std::move(options))) {}
+ByteSort::ByteSort(ByteSort&&) noexcept = default;
+ByteSort& ByteSort::operator=(ByteSort&&) noexcept = default;
+ByteSort::~ByteSort() = default;
+
+Status ByteSort::append(std::span<const SortKey> keys, std::span<const std::byte> records) {
+  State& s = *state_;
+  SPILLWAY_CHECK(s.finished, ==, false);
+  uint64_t done = 0;
+  while (done < keys.size()) {
+    if (s.filled == s.capacity) SPILLWAY_TRY(s.spill_run());
+    const uint64_t now = std::min<uint64_t>(keys.size() - done, s.capacity - s.filled);
+    s.grow(s.filled + now);
+    std::memcpy(static_cast<void*>(s.keys.data() + s.filled), keys.data() + done, now * sizeof(SortKey));
+    std::memcpy(s.records.data() + s.filled * s.record_bytes, records.data() + done * s.record_bytes,
+                now * s.record_bytes);
+    s.filled += now, s.size += now, done += now;
+  }
+  return {};
+}
+
+Status ByteSort::append(std::span<const SortSpan> pieces) {
+  State& s = *state_;
+  uint64_t end = s.filled;
+  std::vector<uint64_t> firsts;
+  for (const SortSpan& piece : pieces) firsts.push_back(std::exchange(end, end + piece.count));
+  if (end > s.capacity) {
+    for (const SortSpan& piece : pieces)
+      SPILLWAY_TRY(append({piece.keys, piece.count}, {static_cast<const std::byte*>(piece.records), piece.count * s.record_bytes}));
+    return {};
+  }
+  s.grow(end);
+  parallel_blocks(pieces.size(), 1, [&](size_t i, size_t, size_t) {
+    const SortSpan& piece = pieces[i];
+    if (piece.count == 0) return;
+    std::memcpy(static_cast<void*>(s.keys.data() + firsts[i]), piece.keys, piece.count * sizeof(SortKey));
+    std::memcpy(s.records.data() + firsts[i] * s.record_bytes, piece.records, piece.count * s.record_bytes);
+  });
+  s.size += end - s.filled;
+  s.filled = end;
+  return {};
+}
+
+Status ByteSort::finish() {
+  State& s = *state_;
+  s.finished = true;
+  if (s.size == 0) return {};
+  if (s.runs.empty()) {
+    s.splitters = {SortKey{0, 0}};
+    return {};
+  }
+  if (s.filled > 0) SPILLWAY_TRY(s.spill_run());
+  s.choose_splitters();
+  return {};
+}
+
+void ByteSort::clear() {
+  State& s = *state_;
+  s.filled = s.size = s.file_bytes = 0;
+  s.file.reset();
+  s.runs.clear();
+  s.splitters.clear();
+  s.finished = false;
+}
+
+size_t ByteSort::partition_count() const { return state_->splitters.size(); }
+uint64_t ByteSort::spilled_bytes() const { return state_->file_bytes; }
+uint64_t ByteSort::size() const { return state_->size; }
+
+Result<std::span<const std::byte>> ByteSort::partition(size_t p) {
+  State& s = *state_;
+  SPILLWAY_CHECK(p, <, s.splitters.size());
+  if (!s.runs.empty()) {
+    s.filled = 0;
+    Buffer<std::byte> block(MemoryTag::streams, s.block_bytes);
+    const SortKey* to = p + 1 < s.splitters.size() ? &s.splitters[p + 1] : nullptr;
+    for (const Run& run : s.runs) SPILLWAY_TRY(s.load(run, s.splitters[p], to, block));
+  }
+  s.sort_filled();
+  return std::span<const std::byte>(s.sorted.data(), s.filled * s.record_bytes);
+}
+
+}  // namespace spillway::cache

@@ -1,0 +1,462 @@
+#include "cache/part_store.h"
+
+#include <algorithm>
+#include <chrono>
+#include <condition_variable>
+#include <mutex>
+#include <numeric>
+#include <optional>
+#include <thread>
+
+#include "cache/base/check.h"
+
+namespace spillway::cache {
+namespace {
+
+uint64_t aligned(uint64_t bytes) { return (bytes + kDirectAlignment - 1) / kDirectAlignment * kDirectAlignment; }
+
+// Chunks of one buffer, given back in the order in which they were placed.
+class Ring {
+ public:
+  Ring() = default;
+  Ring(MemoryTag tag, size_t size_bytes) : memory_(tag, size_bytes) {}
+
+  // The chunk's offset, or nothing while it does not fit. An empty ring takes anything up to its size.
+  std::optional<size_t> place(size_t bytes) {
+    if (live_ == 0) head_ = tail_ = 0;
+    const bool wrapped = live_ > 0 && head_ <= tail_;
+    const size_t end = wrapped ? tail_ : memory_.size();
+    if (head_ + bytes > end) {
+      if (wrapped || bytes > tail_) return std::nullopt;
+      head_ = 0;
+    }
+    ++live_;
+    return std::exchange(head_, head_ + bytes);
+  }
+  void release(size_t offset, size_t bytes) { tail_ = offset + bytes, --live_; }
+  void clear() { head_ = tail_ = live_ = 0; }
+  std::byte* at(size_t offset) { return memory_.data() + offset; }
+  [[nodiscard]] bool empty() const { return memory_.empty(); }
+
+ private:
+  Buffer<std::byte> memory_;
+  size_t head_ = 0, tail_ = 0, live_ = 0;
+};
+
+enum class ReadState : uint8_t { planned, reading, ready, failed };
+
+// One part to be read by a sweep: into memory of its own when it is kept, else into the ring.
+struct Read {
+  uint32_t part = 0;
+  bool kept = false;
+  ReadState state = ReadState::planned;
+  size_t ring_offset = 0;
+  Buffer<std::byte> memory;
+  std::byte* bytes = nullptr;
+  std::string failure;
+};
+
+// What a rebalanced score gains when a wave asks for a part; it loses an eighth of itself a wave, so that a part that is
+// always asked for settles at eight times this.
+constexpr uint32_t kAskedScore = 32;
+// A newcomer must have been asked for in about two waves more than the part that leaves: a swap costs a read.
+constexpr uint32_t kSwapMargin = 2 * kAskedScore;
+
+struct Slot {
+  Buffer<std::byte> memory;  // empty: not resident
+  uint32_t score = 0;
+  bool asked = false;   // in this wave
+  bool wanted = false;  // rebalance() made room for it
+  bool seen = false;    // read before
+};
+
+}  // namespace
+
+struct PartStore::State {
+  State(ReadFile read_file, std::vector<Part> all_parts, Options all_options, Validate check)
+      : file(std::move(read_file)), parts(std::move(all_parts)), options(std::move(all_options)),
+        validate(std::move(check)), slots(parts.size()) {}
+  ~State() { end_readers(); }
+
+  ReadFile file;
+  std::vector<Part> parts;
+  Options options;
+  Validate validate;
+  std::function<void(uint32_t, std::span<const std::byte>)> on_residency;
+
+  // Touched by the sweeping thread only.
+  std::vector<Slot> slots;
+  uint64_t room_bytes = 0;      // for resident parts: the limit without the ring
+  uint64_t resident_bytes = 0;  // and parts on their way to residency
+  uint64_t wanted_bytes = 0;    // of room that rebalance() made
+  size_t resident_count = 0;
+  uint64_t ring_bytes = 0;  // 0: everything fits
+  double wait_seconds = 0;
+  uint64_t parts_evicted = 0;
+  std::vector<uint32_t> newcomers, leavers;  // of rebalance(), reused
+
+  // Shared with the readers, under the mutex (a read's own fields belong to its reader while it is being read).
+  mutable std::mutex mutex;
+  std::condition_variable to_readers, to_visitor;
+  std::vector<std::thread> readers;
+  std::vector<Read> reads;
+  size_t read_count = 0;  // of `reads`, in this sweep
+  size_t next_read = 0;
+  size_t active_reads = 0;
+  bool ending = false;
+  Ring ring;
+  PartStoreCounters counters;
+
+  [[nodiscard]] uint64_t held_bytes(uint32_t part) const { return aligned(parts[part].size_bytes); }
+  [[nodiscard]] std::span<const std::byte> bytes_of(uint32_t part) const;
+  [[nodiscard]] std::string place_of(uint32_t part) const;
+
+  // Reading, on the reader threads.
+  void start_readers();
+  void end_readers();
+  void read_until_ended();
+  bool claim(Read& read);
+  Status fetch(Read& read);
+  void finish(Read& read, const Status& status);
+
+  // Sweeping, on the caller's thread.
+  void plan_reads(std::span<const uint32_t> wanted_parts);
+  bool take_room(uint32_t part);
+  Read& wait_for(size_t index);
+  Status visit_read(Read& read, const Visit& visit);
+  void make_resident(Read& read);
+  void stop_reads();
+
+  // Residency, at wave boundaries.
+  void rank();
+  size_t swap_in(uint32_t newcomer, size_t first);
+  void evict(uint32_t part);
+};
+
+// ---- reading ----
+
+std::span<const std::byte> PartStore::State::bytes_of(uint32_t part) const {
+  const Slot& slot = slots[part];
+  return slot.memory.empty() ? std::span<const std::byte>{} : std::span(slot.memory.data(), parts[part].size_bytes);
+}
+
+std::string PartStore::State::place_of(uint32_t part) const {
+  return fmt::format("{}: part {} at byte {}", file.path().string(), part, parts[part].offset_bytes);
+}
+
+void PartStore::State::start_readers() {
+  if (!readers.empty()) return;
+  for (int i = 0; i < std::max(1, options.reader_threads); ++i) readers.emplace_back([this] { read_until_ended(); });
+}
+
+void PartStore::State::end_readers() {
+  {
+    const std::lock_guard lock(mutex);
+    ending = true;
+  }
+  to_readers.notify_all();
+  for (std::thread& reader : readers) reader.join();
+  readers.clear();
+  ending = false;
+}
+
+// Reads are claimed in order, and so is their place in the ring: the visitor gives it back in the same order.
+bool PartStore::State::claim(Read& read) {
+  if (!read.kept) {
+    const std::optional<size_t> offset = ring.place(held_bytes(read.part));
+    if (!offset) return false;
+    read.ring_offset = *offset;
+    read.bytes = ring.at(*offset);
+  }
+  read.state = ReadState::reading;
+  ++active_reads;
+  ++next_read;
+  return true;
+}
+
+void PartStore::State::read_until_ended() {
+  std::unique_lock lock(mutex);
+  while (true) {
+    Read* read = nullptr;
+    to_readers.wait(lock, [&] {
+      if (!ending && next_read < read_count && claim(reads[next_read])) read = &reads[next_read - 1];
+      return ending || read != nullptr;
+    });
+    if (read == nullptr) return;
+    lock.unlock();
+    const Status status = fetch(*read);
+    lock.lock();
+    finish(*read, status);
+  }
+}
+
+Status PartStore::State::fetch(Read& read) {
+  const Part& part = parts[read.part];
+  if (read.kept) {
+    read.memory = Buffer<std::byte>(options.tag, held_bytes(read.part));
+    read.bytes = read.memory.data();
+  }
+  // Whole blocks where the file has them: direct reads want aligned sizes.
+  const uint64_t size = std::min(held_bytes(read.part), file.size_bytes() - part.offset_bytes);
+  if (const Status status = file.read(part.offset_bytes, {read.bytes, size}); !status)
+    return error("{} cannot be read: {}", place_of(read.part), status.error().message);
+  if (!validate) return {};
+  return validate({read.bytes, part.size_bytes}, place_of(read.part));
+}
+
+void PartStore::State::finish(Read& read, const Status& status) {
+  Slot& slot = slots[read.part];
+  const uint64_t size = parts[read.part].size_bytes;
+  ++counters.parts_read;
+  counters.bytes_read += size;
+  if (slot.seen) ++counters.parts_read_again;
+  if (!slot.seen) counters.unique_bytes += size;
+  slot.seen = true;
+  if (!status) read.failure = status.error().message;
+  read.state = status ? ReadState::ready : ReadState::failed;
+  --active_reads;
+  to_visitor.notify_all();
+}
+
+// ---- sweeping ----
+
+// Whether a part that is about to be read may stay: first come, first kept, but the room that rebalance() made is kept
+// for the parts it was made for.
+bool PartStore::State::take_room(uint32_t part) {
+  Slot& slot = slots[part];
+  if (slot.wanted) wanted_bytes -= held_bytes(part);
+  slot.wanted = false;
+  if (resident_bytes + wanted_bytes + held_bytes(part) > room_bytes) return false;
+  resident_bytes += held_bytes(part);
+  return true;
+}
+
+void PartStore::State::plan_reads(std::span<const uint32_t> wanted_parts) {
+  size_t count = 0;
+  for (size_t i = 0; i < wanted_parts.size(); ++i) {
+    const uint32_t part = wanted_parts[i];
+    SPILLWAY_CHECK(part, <, parts.size());
+    if (i > 0) SPILLWAY_CHECK(wanted_parts[i - 1], <, part);
+    slots[part].asked = true;
+    if (!slots[part].memory.empty()) continue;
+    if (count == reads.size()) reads.emplace_back();
+    Read& read = reads[count++];
+    read.part = part;
+    read.state = ReadState::planned;
+    read.kept = take_room(part);
+    if (!read.kept && ring.empty()) ring = Ring(options.tag, ring_bytes);
+  }
+  if (count == 0) return;
+  start_readers();
+  {
+    const std::lock_guard lock(mutex);
+    read_count = count;
+    next_read = 0;
+  }
+  to_readers.notify_all();
+}
+
+Read& PartStore::State::wait_for(size_t index) {
+  std::unique_lock lock(mutex);
+  Read& read = reads[index];
+  const auto done = [&] { return read.state == ReadState::ready || read.state == ReadState::failed; };
+  if (done()) return read;
+  const auto start = std::chrono::steady_clock::now();
+  to_visitor.wait(lock, done);
+  wait_seconds += std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  return read;
+}
+
+void PartStore::State::make_resident(Read& read) {
+  Slot& slot = slots[read.part];
+  slot.memory = std::move(read.memory);
+  read.kept = false;  // the room is the slot's now
+  ++resident_count;
+  if (on_residency) on_residency(read.part, bytes_of(read.part));
+}
+
+Status PartStore::State::visit_read(Read& read, const Visit& visit) {
+  if (read.state == ReadState::failed) return Error{read.failure};
+  if (options.access_log) options.access_log(read.part, true);
+  SPILLWAY_TRY(visit(read.part, {read.bytes, parts[read.part].size_bytes}));
+  if (read.kept) {
+    make_resident(read);
+    return {};
+  }
+  ++parts_evicted;
+  {
+    const std::lock_guard lock(mutex);
+    ring.release(read.ring_offset, held_bytes(read.part));
+  }
+  to_readers.notify_all();
+  return {};
+}
+
+// After the last visit, or an early end: nothing is in flight, what was not visited is dropped.
+void PartStore::State::stop_reads() {
+  std::unique_lock lock(mutex);
+  next_read = read_count;
+  to_visitor.wait(lock, [&] { return active_reads == 0; });
+  for (size_t i = 0; i < read_count; ++i) {
+    Read& read = reads[i];
+    if (!read.kept) continue;
+    resident_bytes -= held_bytes(read.part);
+    read.memory = {};
+    read.kept = false;
+  }
+  read_count = next_read = 0;
+  ring.clear();
+}
+
+void PartStore::State::evict(uint32_t part) {
+  if (on_residency) on_residency(part, {});
+  slots[part].memory = {};
+  resident_bytes -= held_bytes(part);
+  --resident_count;
+  ++parts_evicted;
+}
+
+Status PartStore::sweep(std::span<const uint32_t> parts, const Visit& visit) {
+  State& s = *state_;
+  s.plan_reads(parts);
+  size_t next = 0;
+  Status status;
+  for (const uint32_t part : parts) {
+    if (next < s.read_count && s.reads[next].part == part) {
+      status = s.visit_read(s.wait_for(next++), visit);
+    } else {
+      if (s.options.access_log) s.options.access_log(part, false);
+      status = visit(part, s.bytes_of(part));
+    }
+    if (!status) break;
+  }
+  s.stop_reads();
+  if (all_resident()) s.end_readers();
+  return status;
+}
+
+// ---- the store ----
+
+uint64_t PartStore::smallest_limit_bytes(std::span<const Part> parts) {
+  uint64_t bytes = 0;
+  for (const Part& part : parts) bytes = std::max(bytes, aligned(part.size_bytes));
+  return bytes;
+}
+
+uint64_t PartStore::whole_bytes(std::span<const Part> parts) {
+  uint64_t bytes = 0;
+  for (const Part& part : parts) bytes += aligned(part.size_bytes);
+  return bytes;
+}
+
+namespace {
+
+Status check_parts(const ReadFile& file, std::span<const Part> parts) {
+  for (size_t i = 0; i < parts.size(); ++i) {
+    const auto [offset, size] = parts[i];
+    const bool inside = offset <= file.size_bytes() && size <= file.size_bytes() - offset;
+    if (offset % kDirectAlignment == 0 && size > 0 && inside) continue;
+    return error("{}: part {} ({} bytes at byte {}) does not lie in the file ({} bytes) at a multiple of {}; the file "
+                 "or its table is damaged: pack the scene again",
+                 file.path().string(), i, size, offset, file.size_bytes(), kDirectAlignment);
+  }
+  return {};
+}
+
+// Two of the largest parts, so that one can be read while the other is visited; beyond that a quarter of the limit, so
+// that three quarters stay with resident parts, which save reads in every wave.
+uint64_t ring_size(std::span<const Part> parts, const PartStore::Options& options) {
+  const uint64_t limit = options.memory_limit_bytes;
+  const uint64_t least = std::min(limit, 2 * PartStore::smallest_limit_bytes(parts));
+  return std::max(least, std::min(options.read_ahead_bytes, limit / 4)) / kDirectAlignment * kDirectAlignment;
+}
+
+}  // namespace
+
+Result<std::unique_ptr<PartStore>> PartStore::open(const std::filesystem::path& path, std::vector<Part> parts,
+                                                   Options options, Validate validate) {
+  SPILLWAY_ASSIGN(ReadFile file, ReadFile::open(path, {options.purpose, options.direct}));
+  SPILLWAY_TRY(check_parts(file, parts));
+  const uint64_t limit = options.memory_limit_bytes;
+  const uint64_t smallest = smallest_limit_bytes(parts);
+  if (limit < smallest)
+    return error("{}: its largest part does not fit in the {} bytes of memory for {}; {} bytes would do", path.string(),
+                 limit, spillway::name(options.tag), smallest);
+  auto state = std::make_unique<State>(std::move(file), std::move(parts), std::move(options), std::move(validate));
+  if (whole_bytes(state->parts) > limit) state->ring_bytes = ring_size(state->parts, state->options);
+  state->room_bytes = limit - state->ring_bytes;
+  return std::unique_ptr<PartStore>(new PartStore(std::move(state)));
+}
+
+PartStore::PartStore(std::unique_ptr<State> state) : state_(std::move(state)) {}
+PartStore::~PartStore() = default;
+
+size_t PartStore::size() const { return state_->parts.size(); }
+bool PartStore::all_resident() const { return state_->resident_count == state_->parts.size(); }
+bool PartStore::fits() const { return state_->ring_bytes == 0; }
+bool PartStore::direct_effective() const { return state_->file.direct_effective(); }
+void PartStore::note_use(uint32_t part) { state_->slots[part].asked = true; }
+std::span<const std::byte> PartStore::resident(uint32_t part) const { return state_->bytes_of(part); }
+
+void PartStore::on_residency(std::function<void(uint32_t, std::span<const std::byte>)> callback) {
+  state_->on_residency = std::move(callback);
+}
+
+PartStoreCounters PartStore::counters() const {
+  const std::lock_guard lock(state_->mutex);
+  PartStoreCounters counters = state_->counters;
+  counters.parts_evicted = state_->parts_evicted;
+  counters.wait_seconds = state_->wait_seconds;
+  return counters;
+}
+
+// ---- residency ----
+
+// Best newcomers first against weakest residents first; equal scores by index, so that runs agree.
+void PartStore::State::rank() {
+  newcomers.clear(), leavers.clear();
+  for (uint32_t part = 0; part < parts.size(); ++part) {
+    Slot& slot = slots[part];
+    slot.score = slot.score - slot.score / 8 + (slot.asked ? kAskedScore : 0);
+    slot.asked = slot.wanted = false;
+    (slot.memory.empty() ? newcomers : leavers).push_back(part);
+  }
+  wanted_bytes = 0;
+  const auto score = [this](uint32_t part) { return slots[part].score; };
+  std::ranges::stable_sort(newcomers, std::ranges::greater{}, score);
+  std::ranges::stable_sort(leavers, std::ranges::less{}, score);
+}
+
+// Makes room for one newcomer out of the leavers from `first` on that it outscores. Returns how many left; none when
+// that would not be room enough.
+size_t PartStore::State::swap_in(uint32_t newcomer, size_t first) {
+  const uint64_t needed = resident_bytes + wanted_bytes + held_bytes(newcomer);
+  uint64_t freed = 0;
+  size_t count = 0;
+  while (needed > room_bytes + freed) {
+    if (first + count == leavers.size()) return 0;
+    const uint32_t leaver = leavers[first + count];
+    if (slots[leaver].score + kSwapMargin > slots[newcomer].score) return 0;
+    freed += held_bytes(leaver);
+    ++count;
+  }
+  for (size_t i = 0; i < count; ++i) evict(leavers[first + i]);
+  slots[newcomer].wanted = true;
+  wanted_bytes += held_bytes(newcomer);
+  return count;
+}
+
+void PartStore::rebalance() {
+  State& s = *state_;
+  if (fits()) return;
+  s.rank();
+  size_t gone = 0;
+  for (const uint32_t newcomer : s.newcomers) {
+    if (s.slots[newcomer].score == 0) break;
+    const size_t left = s.swap_in(newcomer, gone);
+    if (left == 0 && !s.slots[newcomer].wanted) break;
+    gone += left;
+  }
+}
+
+}  // namespace spillway::cache

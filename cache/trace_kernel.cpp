@@ -1,0 +1,309 @@
+#include "cache/trace_kernel.h"
+
+#include <immintrin.h>
+
+#include <bit>
+#include <cfloat>
+#include <cstring>
+
+namespace spillway::cache {
+namespace {
+
+// Half of the units in the last place by which a box is grown a ray, times the largest coordinate in play: rounding of
+// (origin - o), of its product with 1/d, and of the triangle's own shear; each is below one unit (REVIEW 1.5).
+constexpr float kBoxPadding = 8 * 0x1p-24f;
+// A direction component below this is treated as this: 1/d stays finite, 0 * 1/d stays 0.
+constexpr float kSmallestDirection = 1e-18f;
+
+// A ray in the space of one object: slabs for boxes, shear for triangles.
+struct KernelRay {
+  Float3 origin, direction;
+  float inverse[3];   // 1 / direction
+  float pad[3];       // box padding in t, along each axis
+  int kx, ky, kz;     // axes of the shear: kz is the largest of |direction|
+  float sx, sy, sz;   // Woop et al. 2013, section 3.1
+  bool negative[3];
+
+  KernelRay(Float3 o, Float3 d, float extent) : origin(o), direction(d) {
+    const float margin = kBoxPadding * std::max(max_abs(o), extent);
+    for (int a = 0; a < 3; ++a) {
+      const float component = std::fabs(d[a]) < kSmallestDirection ? std::copysign(kSmallestDirection, d[a]) : d[a];
+      inverse[a] = 1 / component;
+      negative[a] = std::signbit(component);
+      pad[a] = margin * std::fabs(inverse[a]);
+    }
+    const float x = std::fabs(d.x), y = std::fabs(d.y), z = std::fabs(d.z);
+    kz = x > y ? (x > z ? 0 : 2) : (y > z ? 1 : 2);
+    kx = kz == 2 ? 0 : kz + 1;
+    ky = kx == 2 ? 0 : kx + 1;
+    if (d[kz] < 0) std::swap(kx, ky);
+    sx = d[kx] / d[kz], sy = d[ky] / d[kz], sz = 1 / d[kz];
+  }
+};
+
+struct StackEntry {
+  uint32_t reference;
+  float entry;
+};
+// A node pushes at most seven more than it pops.
+constexpr int kStackSize = kMaxTreeDepth * 7 + 8;
+
+inline __m256 load_quantised(const uint8_t* q) {
+  return _mm256_cvtepi32_ps(_mm256_cvtepu8_epi32(_mm_loadl_epi64(reinterpret_cast<const __m128i*>(q))));
+}
+
+// Which children the ray enters at t <= t_far, and where.
+struct NodeHits {
+  uint32_t mask;
+  alignas(32) float entry[8];
+};
+
+inline void enter_node(const TraceNode& node, const KernelRay& ray, float t_far, NodeHits& hits) {
+  __m256 near = _mm256_setzero_ps();
+  __m256 far = _mm256_set1_ps(t_far);
+  for (int a = 0; a < 3; ++a) {
+    const float step = node.scale[a] * ray.inverse[a];
+    const float base = (node.origin[a] - ray.origin[a]) * ray.inverse[a];
+    const uint8_t* const lower = node.lower[a];
+    const uint8_t* const upper = node.upper[a];
+    const __m256 q_near = load_quantised(ray.negative[a] ? upper : lower);
+    const __m256 q_far = load_quantised(ray.negative[a] ? lower : upper);
+    const __m256 steps = _mm256_set1_ps(step);
+    near = _mm256_max_ps(_mm256_fmadd_ps(q_near, steps, _mm256_set1_ps(base - ray.pad[a])), near);
+    far = _mm256_min_ps(_mm256_fmadd_ps(q_far, steps, _mm256_set1_ps(base + ray.pad[a])), far);
+  }
+  const auto inside = static_cast<uint32_t>(_mm256_movemask_ps(_mm256_cmp_ps(near, far, _CMP_LE_OQ)));
+  hits.mask = inside & ((1u << node.child_count) - 1);
+  _mm256_store_ps(hits.entry, near);
+}
+
+// Walks a tree front to back. on_leaf(leaf index) may shorten t_far; returns true to end the walk.
+template <class OnLeaf>
+inline bool walk(const TraceNode* nodes, uint32_t root, const KernelRay& ray, const float& t_far, uint64_t& node_count,
+                 const OnLeaf& on_leaf) {
+  if (root == kNoChild) return false;
+  StackEntry stack[kStackSize];
+  int size = 0;
+  uint32_t reference = root;
+  while (true) {
+    if (reference & kLeafBit) {
+      if (on_leaf(reference & ~kLeafBit)) return true;
+    } else {
+      const TraceNode& node = nodes[reference];
+      NodeHits hits;
+      enter_node(node, ray, t_far, hits);
+      ++node_count;
+      if (hits.mask != 0) {
+        int nearest = std::countr_zero(hits.mask);
+        hits.mask &= hits.mask - 1;
+        if (hits.mask == 0) {
+          reference = node.child[nearest];
+          continue;
+        }
+        // Insertion keeps the new entries sorted, nearest on top.
+        const int bottom = size;
+        stack[size++] = {node.child[nearest], hits.entry[nearest]};
+        do {
+          const int c = std::countr_zero(hits.mask);
+          hits.mask &= hits.mask - 1;
+          const float entry = hits.entry[c];
+          int at = size++;
+          while (at > bottom && stack[at - 1].entry < entry) {
+            stack[at] = stack[at - 1];
+            --at;
+          }
+          stack[at] = {node.child[c], entry};
+        } while (hits.mask != 0);
+        reference = stack[--size].reference;
+        continue;
+      }
+    }
+    // Skipped only when its entry is greater: an equal one may hold a tied triangle of a smaller id.
+    do {
+      if (size == 0) return false;
+      --size;
+    } while (stack[size].entry > t_far);
+    reference = stack[size].reference;
+  }
+}
+
+// Edge functions of four sheared triangles. Products are rounded alike for both triangles of a shared edge (no fused
+// operations here), so that an edge belongs to at least one of them.
+struct Edges {
+  __m128 u, v, w;
+};
+
+// Lanes where a rounded edge function is zero get it from double precision, whose sign is exact (section 3.2 there).
+inline void refine_zero_edges(Edges& e, __m128 ax, __m128 ay, __m128 bx, __m128 by, __m128 cx, __m128 cy) {
+  const __m128 zero = _mm_setzero_ps();
+  const __m128 any = _mm_or_ps(_mm_or_ps(_mm_cmpeq_ps(e.u, zero), _mm_cmpeq_ps(e.v, zero)), _mm_cmpeq_ps(e.w, zero));
+  if (_mm_movemask_ps(any) == 0) [[likely]] return;
+  alignas(16) float p[6][4], r[3][4];
+  _mm_store_ps(p[0], ax), _mm_store_ps(p[1], ay), _mm_store_ps(p[2], bx);
+  _mm_store_ps(p[3], by), _mm_store_ps(p[4], cx), _mm_store_ps(p[5], cy);
+  const auto edge = [](float a, float b, float c, float d) {
+    return static_cast<float>(static_cast<double>(a) * b - static_cast<double>(c) * d);
+  };
+  for (int i = 0; i < 4; ++i) {
+    r[0][i] = edge(p[4][i], p[3][i], p[5][i], p[2][i]);
+    r[1][i] = edge(p[0][i], p[5][i], p[1][i], p[4][i]);
+    r[2][i] = edge(p[2][i], p[1][i], p[3][i], p[0][i]);
+  }
+  const auto choose = [&](__m128 rounded, const float* exact) {
+    return _mm_blendv_ps(rounded, _mm_load_ps(exact), _mm_cmpeq_ps(rounded, zero));
+  };
+  e.u = choose(e.u, r[0]), e.v = choose(e.v, r[1]), e.w = choose(e.w, r[2]);
+}
+
+Opacity opacity_at(const TracePageView& page, uint32_t offset, float u, float v) {
+  OpacityMicromap map;
+  std::memcpy(&map, page.bytes + offset, sizeof map);
+  const uint32_t index = micro_triangle_index(u, v, map.level);
+  const auto states = static_cast<uint8_t>(page.bytes[offset + sizeof map + index / 4]);
+  return static_cast<Opacity>((states >> (2 * (index % 4))) & 3);
+}
+
+inline bool comes_first(float t, uint32_t instance, uint32_t prim, const TraceHit& hit) {
+  if (t != hit.t) return t < hit.t;
+  return instance != hit.instance ? instance < hit.instance || hit.prim == PrimId::kNone : prim < hit.prim;
+}
+
+// Four triangles. Returns true when an occlusion ray is stopped for good.
+template <TraceMode mode>
+inline bool intersect_leaf(const TracePageView& page, uint32_t leaf_index, uint32_t instance, const KernelRay& ray,
+                           float t_far, TraceHit& hit) {
+  const TraceLeaf& leaf = page.leaves[leaf_index];
+  const __m128 ox = _mm_set1_ps(ray.origin[ray.kx]), oy = _mm_set1_ps(ray.origin[ray.ky]), oz = _mm_set1_ps(ray.origin[ray.kz]);
+  const __m128 sx = _mm_set1_ps(ray.sx), sy = _mm_set1_ps(ray.sy);
+  const __m128 az = _mm_sub_ps(_mm_load_ps(leaf.vertex[0][ray.kz]), oz);
+  const __m128 bz = _mm_sub_ps(_mm_load_ps(leaf.vertex[1][ray.kz]), oz);
+  const __m128 cz = _mm_sub_ps(_mm_load_ps(leaf.vertex[2][ray.kz]), oz);
+  const __m128 ax = _mm_fnmadd_ps(sx, az, _mm_sub_ps(_mm_load_ps(leaf.vertex[0][ray.kx]), ox));
+  const __m128 ay = _mm_fnmadd_ps(sy, az, _mm_sub_ps(_mm_load_ps(leaf.vertex[0][ray.ky]), oy));
+  const __m128 bx = _mm_fnmadd_ps(sx, bz, _mm_sub_ps(_mm_load_ps(leaf.vertex[1][ray.kx]), ox));
+  const __m128 by = _mm_fnmadd_ps(sy, bz, _mm_sub_ps(_mm_load_ps(leaf.vertex[1][ray.ky]), oy));
+  const __m128 cx = _mm_fnmadd_ps(sx, cz, _mm_sub_ps(_mm_load_ps(leaf.vertex[2][ray.kx]), ox));
+  const __m128 cy = _mm_fnmadd_ps(sy, cz, _mm_sub_ps(_mm_load_ps(leaf.vertex[2][ray.ky]), oy));
+  Edges e{_mm_sub_ps(_mm_mul_ps(cx, by), _mm_mul_ps(cy, bx)), _mm_sub_ps(_mm_mul_ps(ax, cy), _mm_mul_ps(ay, cx)),
+          _mm_sub_ps(_mm_mul_ps(bx, ay), _mm_mul_ps(by, ax))};
+  refine_zero_edges(e, ax, ay, bx, by, cx, cy);
+  const __m128 zero = _mm_setzero_ps();
+  const __m128 lowest = _mm_min_ps(_mm_min_ps(e.u, e.v), e.w), highest = _mm_max_ps(_mm_max_ps(e.u, e.v), e.w);
+  const __m128 mixed = _mm_and_ps(_mm_cmplt_ps(lowest, zero), _mm_cmpgt_ps(highest, zero));
+  const __m128 det = _mm_add_ps(_mm_add_ps(e.u, e.v), e.w);
+  __m128 accept = _mm_andnot_ps(mixed, _mm_cmpneq_ps(det, zero));
+  if (_mm_movemask_ps(accept) == 0) return false;
+  const __m128 scaled = _mm_add_ps(_mm_add_ps(_mm_mul_ps(e.u, az), _mm_mul_ps(e.v, bz)), _mm_mul_ps(e.w, cz));
+  const __m128 t4 = _mm_mul_ps(_mm_div_ps(scaled, det), _mm_set1_ps(ray.sz));
+  accept = _mm_and_ps(accept, _mm_and_ps(_mm_cmpgt_ps(t4, zero), _mm_cmple_ps(t4, _mm_set1_ps(std::min(t_far, FLT_MAX)))));
+  auto lanes = static_cast<uint32_t>(_mm_movemask_ps(accept));
+  if (lanes == 0) return false;
+  alignas(16) float t[4], u[4], v[4];
+  _mm_store_ps(t, t4);
+  _mm_store_ps(u, _mm_div_ps(e.v, det));
+  _mm_store_ps(v, _mm_div_ps(e.w, det));
+  for (; lanes != 0; lanes &= lanes - 1) {
+    const int i = std::countr_zero(lanes);
+    uint32_t flags = 0;
+    if (page.micromap_offsets != nullptr && page.micromap_offsets[4 * leaf_index + i] != 0) {
+      const Opacity opacity = opacity_at(page, page.micromap_offsets[4 * leaf_index + i], u[i], v[i]);
+      if (opacity == Opacity::clear) continue;
+      if (opacity == Opacity::unknown) flags = kHitAlphaUnknown;
+    }
+    if (mode == TraceMode::occlusion && flags == 0) {
+      hit.flags |= kHitOccluded;
+      return true;
+    }
+    if (comes_first(t[i], instance, leaf.prim[i], hit)) hit = {t[i], u[i], v[i], leaf.prim[i], instance, flags};
+  }
+  return false;
+}
+
+// An occlusion ray looks as far as the light whatever alpha it meets: what stops it for good does not depend on order.
+template <TraceMode mode>
+bool walk_page(const TracePageView& page, uint32_t instance, const KernelRay& ray, const float& t_far, TraceHit& hit,
+               TraceCounters& work) {
+  ++work.pages;
+  return walk(page.nodes, page.header->root, ray, t_far, work.nodes, [&](uint32_t leaf) {
+    ++work.leaves;
+    return intersect_leaf<mode>(page, leaf, instance, ray, t_far, hit);
+  });
+}
+
+float extent_of(const Bounds3& b) { return std::max(max_abs(b.lower), max_abs(b.upper)); }
+
+KernelRay object_ray(const PageTree& tree, const Instance& instance, const TraceRay& ray) {
+  return {instance.object_from_world.point(ray.origin_world), instance.object_from_world.vector(ray.direction_world),
+          extent_of(tree.objects[instance.object].bounds_object)};
+}
+
+KernelRay world_ray(const PageTree& tree, const TraceRay& ray) {
+  return {ray.origin_world, ray.direction_world, tree.scene_extent_world};
+}
+
+// Calls on_page(page, instance, ray in the page's space) for every page the ray enters at t <= t_far, front to back
+// inside each tree; true ends it.
+template <class OnPage>
+bool walk_pages(const PageTree& tree, const TraceRay& ray, const float& t_far, uint64_t& node_count, const OnPage& on_page) {
+  const KernelRay world = world_ray(tree, ray);
+  return walk(tree.nodes.data(), tree.objects[0].root, world, t_far, node_count, [&](uint32_t leaf) {
+    const PageTreeEntry& entry = tree.entries[leaf];
+    if (entry.kind == 0) return on_page(entry.index, 0u, world);
+    const Instance& instance = tree.instances[entry.index];
+    const KernelRay local = object_ray(tree, instance, ray);
+    return walk(tree.nodes.data(), tree.objects[instance.object].root, local, t_far, node_count,
+                [&](uint32_t inner) { return on_page(tree.entries[inner].index, entry.index, local); });
+  });
+}
+
+}  // namespace
+
+template <TraceMode mode>
+void trace_page(const TracePageView& page, uint32_t instance, const PageTree& tree, const TraceRay& ray, TraceHit& hit,
+                TraceCounters& work) {
+  const KernelRay local = instance == 0 ? world_ray(tree, ray) : object_ray(tree, tree.instances[instance], ray);
+  const float& t_far = mode == TraceMode::nearest ? hit.t : ray.t_max;
+  walk_page<mode>(page, instance, local, t_far, hit, work);
+}
+
+template <TraceMode mode>
+bool trace_resident(const PageTree& tree, const ResidentPages& pages, const TraceRay& ray, TraceHit& hit,
+                    TraceCounters& work) {
+  bool met_absent = false;
+  const float& t_far = mode == TraceMode::nearest ? hit.t : ray.t_max;
+  walk_pages(tree, ray, t_far, work.nodes, [&](uint32_t index, uint32_t instance, const KernelRay& local) {
+    const TracePageView& page = pages.view(index);
+    if (page.header == nullptr) {
+      met_absent = true;
+      return false;
+    }
+    return walk_page<mode>(page, instance, local, t_far, hit, work);
+  });
+  return met_absent && !(hit.flags & kHitOccluded);
+}
+
+size_t pages_met(const PageTree& tree, const ResidentPages& pages, uint32_t first_page, uint32_t last_page,
+                 TraceMode mode, const TraceRay& ray, const TraceHit& hit, PageVisit* visits, size_t capacity) {
+  size_t count = 0;
+  uint64_t nodes = 0;
+  const float t_far = mode == TraceMode::nearest ? hit.t : ray.t_max;
+  walk_pages(tree, ray, t_far, nodes, [&](uint32_t index, uint32_t instance, const KernelRay&) {
+    if (index >= first_page && index < last_page && pages.view(index).header == nullptr) {
+      if (count < capacity) visits[count] = {index, instance};
+      ++count;
+    }
+    return false;
+  });
+  return count;
+}
+
+template void trace_page<TraceMode::nearest>(const TracePageView&, uint32_t, const PageTree&, const TraceRay&, TraceHit&,
+                                             TraceCounters&);
+template void trace_page<TraceMode::occlusion>(const TracePageView&, uint32_t, const PageTree&, const TraceRay&,
+                                               TraceHit&, TraceCounters&);
+template bool trace_resident<TraceMode::nearest>(const PageTree&, const ResidentPages&, const TraceRay&, TraceHit&,
+                                                 TraceCounters&);
+template bool trace_resident<TraceMode::occlusion>(const PageTree&, const ResidentPages&, const TraceRay&, TraceHit&,
+                                                   TraceCounters&);
+
+}  // namespace spillway::cache

@@ -1,0 +1,42 @@
+#pragma once
+
+// The texture graph of a scene (scene.h, TextureNode), evaluated for blocks of places: all image lookups of a block go
+// to the cache together, then values are combined. A value depends on its own query alone.
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "cache/base/result.h"
+#include "cache/texture_cache.h"
+#include "pipeline/scene.h"
+
+namespace spillway::pipeline {
+
+struct TextureQuery {
+  uint32_t texture;  // TextureId
+  Float2 uv;
+  float width_uv;    // footprint; 0: the finest level
+};
+
+class TextureEvaluator {
+ public:
+  // `images` may be null when no node is an image. Nodes have been validated: children before parents.
+  TextureEvaluator(std::span<const TextureNode> nodes, cache::TextureCache* images) : nodes_(nodes), images_(images) {}
+
+  // Reused from block to block by one thread.
+  struct Scratch {
+    std::vector<cache::TextureRequest> requests;
+    std::vector<cache::Texel> texels;
+  };
+  Status evaluate(std::span<const TextureQuery> queries, std::span<cache::Texel> values, Scratch& scratch) const;
+
+ private:
+  void collect(uint32_t node, const TextureQuery& query, std::vector<cache::TextureRequest>& requests) const;
+  cache::Texel combine(uint32_t node, const cache::Texel*& next) const;
+
+  std::span<const TextureNode> nodes_;
+  cache::TextureCache* images_;
+};
+
+}  // namespace spillway::pipeline

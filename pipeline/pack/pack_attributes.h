@@ -1,0 +1,20 @@
+#pragma once
+
+// Writes the attribute file.
+//
+// In:     the spooled scene, chunks by ascending prim.
+// Out:    attributes.blocks: chunks joined into blocks of at most kMaxFacesPerAttributeBlock faces, by ascending prim;
+//         one AttributeLocation a block.
+// Memory: tag pack: one block. Nothing spills.
+// Order:  serial, bound by the disk; what is in a block follows from the meshes alone, not from the page layout.
+
+#include <vector>
+
+#include "cache/file.h"
+#include "pipeline/pack/mesh_spool.h"
+
+namespace spillway::pipeline {
+
+Result<std::vector<AttributeLocation>> pack_attributes(const SpooledScene& scene, cache::WriteFile& file);
+
+}  // namespace spillway::pipeline

@@ -1,0 +1,252 @@
+#include "pipeline/pack/pack_image.h"
+
+#include <OpenImageIO/imageio.h>
+#include <sys/resource.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cmath>
+#include <csignal>
+#include <cstring>
+#include <vector>
+
+namespace spillway::pipeline {
+namespace {
+
+constexpr int kLargestSize = 65536;
+
+// What the child tells the parent through the pipe; a message means failure.
+struct Outcome {
+  uint32_t failed = 1;
+  char message[1000] = {};
+  cache::ImageInfo info{};
+};
+
+// An image level in linear light.
+struct Level {
+  uint32_t width, height, channels;
+  std::vector<float> texels;
+};
+
+bool is_encoded(const cache::ImageInfo& info, uint32_t channel) {
+  const bool is_alpha = (info.channels == 2 && channel == 1) || channel == 3;
+  return info.encoding == cache::TexelEncoding::srgb && info.texel_bytes == 1 && !is_alpha;
+}
+
+// Area weights of the source texels [first, first + weights.size()) for one destination texel along an axis.
+struct Span1D {
+  uint32_t first;
+  std::vector<float> weights;
+};
+
+std::vector<Span1D> box_spans(uint32_t from, uint32_t to) {
+  std::vector<Span1D> spans(to);
+  for (uint32_t i = 0; i < to; ++i) {
+    const double begin = static_cast<double>(i) * from / to, end = static_cast<double>(i + 1) * from / to;
+    spans[i].first = static_cast<uint32_t>(begin);
+    for (uint32_t s = spans[i].first; s < from && s < end; ++s) {
+      const double covered = std::min<double>(end, s + 1) - std::max<double>(begin, s);
+      if (covered > 0) spans[i].weights.push_back(static_cast<float>(covered / (end - begin)));
+    }
+  }
+  return spans;
+}
+
+Level half_size(const Level& from) {
+  Level to{std::max(1u, from.width / 2), std::max(1u, from.height / 2), from.channels, {}};
+  to.texels.resize(size_t{to.width} * to.height * to.channels);
+  const auto columns = box_spans(from.width, to.width), rows = box_spans(from.height, to.height);
+  for (uint32_t y = 0; y < to.height; ++y)
+    for (uint32_t x = 0; x < to.width; ++x)
+      for (uint32_t c = 0; c < to.channels; ++c) {
+        double sum = 0;
+        for (size_t j = 0; j < rows[y].weights.size(); ++j)
+          for (size_t i = 0; i < columns[x].weights.size(); ++i)
+            sum += static_cast<double>(rows[y].weights[j]) * columns[x].weights[i] *
+                   from.texels[((rows[y].first + j) * from.width + columns[x].first + i) * from.channels + c];
+        to.texels[(size_t{y} * to.width + x) * to.channels + c] = static_cast<float>(sum);
+      }
+  return to;
+}
+
+uint8_t to_byte(float x) { return static_cast<uint8_t>(std::clamp(x, 0.0f, 1.0f) * 255.0f + 0.5f); }
+
+std::vector<uint8_t> encoded(const Level& level, const cache::ImageInfo& info) {
+  std::vector<uint8_t> bytes(level.texels.size());
+  for (size_t i = 0; i < bytes.size(); ++i) {
+    const float value = level.texels[i];
+    const bool srgb = is_encoded(info, static_cast<uint32_t>(i % level.channels));
+    bytes[i] = to_byte(srgb ? cache::srgb_from_linear(std::max(0.0f, value)) : value);
+  }
+  return bytes;
+}
+
+Level decoded(const std::vector<uint8_t>& bytes, const cache::ImageInfo& info) {
+  Level level{info.width, info.height, info.channels, std::vector<float>(bytes.size())};
+  float srgb[256];
+  for (int i = 0; i < 256; ++i) srgb[i] = cache::linear_from_srgb(static_cast<float>(i) / 255.0f);
+  for (size_t i = 0; i < bytes.size(); ++i)
+    level.texels[i] = is_encoded(info, static_cast<uint32_t>(i % info.channels)) ? srgb[bytes[i]]
+                                                                                  : static_cast<float>(bytes[i]) / 255.0f;
+  return level;
+}
+
+Status check_spec(const OIIO::ImageSpec& spec, const std::string& source, uint64_t memory_limit) {
+  if (spec.width < 1 || spec.height < 1 || spec.width > kLargestSize || spec.height > kLargestSize || spec.depth > 1)
+    return error("{}: claims {} x {} x {} texels; at most {} x {} are read", source, spec.width, spec.height, spec.depth,
+                 kLargestSize, kLargestSize);
+  if (spec.nchannels < 1 || spec.nchannels > 4) return error("{}: has {} channels; 1 to 4 are read", source, spec.nchannels);
+  const uint64_t needed = uint64_t{static_cast<uint32_t>(spec.width)} * spec.height * spec.nchannels * sizeof(float) * 2;
+  if (needed > memory_limit / 2) return error("{}: {} x {} texels need {} bytes to pack, more than is allowed", source,
+                                              spec.width, spec.height, needed);
+  return {};
+}
+
+struct Decoded {
+  cache::ImageInfo info{};
+  Level level;
+  std::vector<uint8_t> bytes;  // the texels as they came, of 8-bit images
+};
+
+Result<Decoded> read_image(const std::string& source, cache::TexelEncoding encoding, uint64_t memory_limit) {
+  const auto input = OIIO::ImageInput::open(source);
+  if (!input) return error("{}: cannot be read as an image: {}", source, OIIO::geterror());
+  const OIIO::ImageSpec& spec = input->spec();
+  SPILLWAY_TRY(check_spec(spec, source, memory_limit));
+  Decoded d;
+  d.info.width = static_cast<uint32_t>(spec.width), d.info.height = static_cast<uint32_t>(spec.height);
+  d.info.channels = static_cast<uint32_t>(spec.nchannels);
+  d.info.texel_bytes = spec.format == OIIO::TypeUInt8 ? 1 : 4;
+  d.info.encoding = d.info.texel_bytes == 1 ? encoding : cache::TexelEncoding::linear;
+  const size_t count = size_t{d.info.width} * d.info.height * d.info.channels;
+  bool read = false;
+  if (d.info.texel_bytes == 1) {
+    d.bytes.resize(count);
+    read = input->read_image(0, 0, 0, spec.nchannels, OIIO::TypeUInt8, d.bytes.data());
+    d.level = decoded(d.bytes, d.info);
+  } else {
+    d.level = {d.info.width, d.info.height, d.info.channels, std::vector<float>(count)};
+    read = input->read_image(0, 0, 0, spec.nchannels, OIIO::TypeFloat, d.level.texels.data());
+    if (encoding == cache::TexelEncoding::srgb && spec.format == OIIO::TypeUInt16)
+      for (float& t : d.level.texels) t = cache::linear_from_srgb(t);
+  }
+  if (!read) return error("{}: is damaged: {}", source, input->geterror());
+  return d;
+}
+
+Status write_levels(const Decoded& source, const std::filesystem::path& path, cache::ImageInfo& info) {
+  const std::string name = path.string();
+  const auto output = OIIO::ImageOutput::create(name);
+  if (!output) return error("{}: cannot be written: {}", name, OIIO::geterror());
+  Level level = source.level;
+  for (info.levels = 0;; ++info.levels) {
+    OIIO::ImageSpec spec(static_cast<int>(level.width), static_cast<int>(level.height),
+                         static_cast<int>(level.channels), info.texel_bytes == 1 ? OIIO::TypeUInt8 : OIIO::TypeFloat);
+    spec.tile_width = spec.tile_height = static_cast<int>(cache::kTileSize);
+    spec.attribute("compression", "none");
+    spec.attribute("Software", "Spillway");
+    // A TIFF has no MIP levels of its own: the library takes the pages of a file so marked for levels.
+    spec.attribute("textureformat", "Plain Texture");
+    const auto mode = info.levels == 0 ? OIIO::ImageOutput::Create : OIIO::ImageOutput::AppendSubimage;
+    bool written = output->open(name, spec, mode);
+    if (written && info.texel_bytes == 1)
+      written = output->write_image(OIIO::TypeUInt8, info.levels == 0 ? source.bytes.data() : encoded(level, info).data());
+    else if (written)
+      written = output->write_image(OIIO::TypeFloat, level.texels.data());
+    if (!written) return error("{}: cannot be written: {}", name, output->geterror());
+    if (level.width == 1 && level.height == 1) break;
+    level = half_size(level);
+  }
+  ++info.levels;
+  if (!output->close()) return error("{}: cannot be written: {}", name, output->geterror());
+  return {};
+}
+
+void set_mean(const Level& level, cache::ImageInfo& info) {
+  double sum[4] = {0, 0, 0, 0};
+  for (size_t i = 0; i < level.texels.size(); ++i) sum[i % level.channels] += level.texels[i];
+  for (uint32_t c = 0; c < 4; ++c)
+    info.mean[c] = c < level.channels ? static_cast<float>(sum[c] / (double{1} * level.width * level.height)) : 0;
+}
+
+Result<cache::ImageInfo> pack_here(const std::filesystem::path& source, cache::TexelEncoding encoding,
+                                   const std::filesystem::path& directory, uint32_t index, uint64_t memory_limit) {
+  OIIO::attribute("threads", 1);
+  SPILLWAY_ASSIGN(const Decoded decoded, read_image(source.string(), encoding, memory_limit));
+  cache::ImageInfo info = decoded.info;
+  const std::string name = fmt::format("{:05}.tif", index);
+  std::memcpy(info.file_name, name.c_str(), name.size() + 1);
+  set_mean(decoded.level, info);
+  const std::filesystem::path temporary = directory / ("unfinished-" + name);
+  SPILLWAY_TRY(write_levels(decoded, temporary, info));
+  std::error_code code;
+  std::filesystem::rename(temporary, directory / name, code);
+  if (code) return error("{}: cannot be renamed: {}", temporary.string(), code.message());
+  return info;
+}
+
+void limit(int resource, uint64_t value) {
+  const rlimit wanted{value, value};
+  setrlimit(static_cast<__rlimit_resource_t>(resource), &wanted);
+}
+
+// Runs in the child; never returns.
+[[noreturn]] void child(int pipe, const std::filesystem::path& source, cache::TexelEncoding encoding,
+                        const std::filesystem::path& directory, uint32_t index, const PackImageOptions& options) {
+  limit(RLIMIT_AS, options.memory_limit_bytes);
+  limit(RLIMIT_CPU, options.time_limit_seconds);
+  limit(RLIMIT_CORE, 0);
+  Outcome outcome;
+  std::string message;
+  try {
+    const auto info = pack_here(source, encoding, directory, index, options.memory_limit_bytes);
+    if (info) outcome.failed = 0, outcome.info = *info;
+    if (!info) message = info.error().message;
+  } catch (const std::exception& problem) {
+    message = fmt::format("{}: its decoder failed: {}", source.string(), problem.what());
+  }
+  message.copy(outcome.message, sizeof outcome.message - 1);
+  const ssize_t sent = write(pipe, &outcome, sizeof outcome);
+  _exit(sent == static_cast<ssize_t>(sizeof outcome) ? 0 : 1);
+}
+
+bool receive(int pipe, Outcome& outcome) {
+  size_t got = 0;
+  while (got < sizeof outcome) {
+    const ssize_t now = read(pipe, reinterpret_cast<char*>(&outcome) + got, sizeof outcome - got);
+    if (now < 0 && errno == EINTR) continue;
+    if (now <= 0) return false;
+    got += static_cast<size_t>(now);
+  }
+  return true;
+}
+
+}  // namespace
+
+Result<cache::ImageInfo> pack_image(const std::filesystem::path& source, cache::TexelEncoding encoding,
+                                    const std::filesystem::path& textures_directory, uint32_t image_index,
+                                    const PackImageOptions& options) {
+  std::error_code code;
+  std::filesystem::create_directories(textures_directory, code);
+  if (!std::filesystem::is_regular_file(source, code)) return error("{}: there is no such image file", source.string());
+  int ends[2];
+  if (pipe(ends) != 0) return error("no pipe for decoding {}: {}", source.string(), std::strerror(errno));
+  const pid_t process = fork();
+  if (process == 0) child(ends[1], source, encoding, textures_directory, image_index, options);
+  close(ends[1]);
+  Outcome outcome;
+  const bool heard = process > 0 && receive(ends[0], outcome);
+  close(ends[0]);
+  int status = 0;
+  if (process > 0) waitpid(process, &status, 0);
+  if (heard && outcome.failed == 0) return outcome.info;
+  std::filesystem::remove(textures_directory / fmt::format("unfinished-{:05}.tif", image_index), code);
+  if (heard) return error("{}", outcome.message);
+  if (process < 0) return error("no process for decoding {}: {}", source.string(), std::strerror(errno));
+  return error("{}: its decoder was ended by signal {} ({}); the file is damaged, or needs more memory or time than allowed",
+               source.string(), WTERMSIG(status), strsignal(WTERMSIG(status)));
+}
+
+}  // namespace spillway::pipeline

@@ -1,0 +1,63 @@
+#include "pipeline/pack/pack_lights.h"
+
+#include <cmath>
+
+#include "pipeline/store.h"
+
+namespace spillway::pipeline {
+namespace {
+
+Status add_chunk_lights(const SpooledMesh& mesh, const MeshChunk& chunk, SpoolReader& reader,
+                        std::vector<shading::Light>& lights) {
+  SPILLWAY_ASSIGN(const cache::AttributeSegmentData data, reader.read(chunk, false));
+  for (size_t i = 0; i < data.indices.size(); i += 3) {
+    const Float3 p0 = data.positions[data.indices[i]];
+    shading::Light light{};
+    light.kind = shading::LightKind::triangle;
+    light.two_sided = mesh.emits_two_sided ? 1 : 0;
+    light.radiance = mesh.emission;
+    light.position = p0;
+    light.edge1 = data.positions[data.indices[i + 1]] - p0;
+    light.edge2 = data.positions[data.indices[i + 2]] - p0;
+    light.normal_sign = (mesh.row.flags & kMeshFlipNormals) != 0 ? -1.0f : 1.0f;
+    if (!std::isfinite(length_squared(cross(light.edge1, light.edge2))))
+      return error("{}: emits light from a triangle too large for its area to be computed; scale the scene down",
+                   mesh.name);
+    lights.push_back(light);
+  }
+  return {};
+}
+
+Result<std::vector<float>> power_cdf(std::span<const shading::Light> lights, float scene_radius_world) {
+  std::vector<double> sum{0};
+  for (const shading::Light& light : lights) {
+    const double power = shading::light_power(light, scene_radius_world);
+    if (!std::isfinite(power) || power < 0)
+      return error("light {}: has a power of {}; scale its emission or the scene down", sum.size() - 1, power);
+    sum.push_back(sum.back() + power);
+  }
+  // Without any power each light is as good as the others.
+  if (sum.back() == 0)
+    for (size_t i = 0; i < sum.size(); ++i) sum[i] = static_cast<double>(i);
+  std::vector<float> cdf(sum.size(), 0);
+  for (size_t i = 1; i < sum.size(); ++i) cdf[i] = static_cast<float>(sum[i] / sum.back());
+  return cdf;
+}
+
+}  // namespace
+
+Result<PackedLights> pack_lights(SpooledScene& scene, std::span<const shading::Light> other_lights,
+                                 const Bounds3& bounds_world) {
+  PackedLights packed;
+  SpoolReader reader(*scene.spool);
+  for (SpooledMesh& mesh : scene.meshes) {
+    if (!mesh.emits) continue;
+    mesh.row.light_base = static_cast<uint32_t>(packed.lights.size());
+    for (const MeshChunk& chunk : mesh.chunks) SPILLWAY_TRY(add_chunk_lights(mesh, chunk, reader, packed.lights));
+  }
+  packed.lights.insert(packed.lights.end(), other_lights.begin(), other_lights.end());
+  SPILLWAY_ASSIGN(packed.cdf, power_cdf(packed.lights, scene_sphere(bounds_world).radius));
+  return packed;
+}
+
+}  // namespace spillway::pipeline

@@ -1,0 +1,36 @@
+#pragma once
+
+// Builds the resident tree over pages and instances.
+//
+// In:     the bounds of each page in its object's space, which object it is of, the instances ([0]: the world).
+// Out:    the sections tree_nodes, tree_entries, tree_objects; the bounds of the world with all instances.
+// Memory: tables of the size of their sections.
+// Order:  serial.
+
+#include <span>
+#include <vector>
+
+#include "cache/trace_page.h"
+#include "pipeline/pack/build_trees.h"
+
+namespace spillway::pipeline {
+
+struct PackedPageTree {
+  std::vector<cache::TraceNode> nodes;
+  std::vector<cache::PageTreeEntry> entries;
+  std::vector<cache::PageObject> objects;
+  Bounds3 bounds_world;
+};
+
+// page_object: ascending. Instances of objects without pages must have been left out.
+PackedPageTree pack_page_tree(std::span<const Bounds3> page_bounds, std::span<const cache::PageLocation> pages,
+                              std::span<const cache::Instance> instances, uint32_t object_count,
+                              const BuildOptions& options);
+
+// The bounds of what `transform` makes of everything in `bounds`, rounded outwards.
+[[nodiscard]] Bounds3 transformed_bounds(const Affine3& transform, const Bounds3& bounds);
+
+// The inverse, computed in double; nothing when it is singular or not finite in 32 bits.
+[[nodiscard]] bool invert(const Affine3& transform, Affine3& inverse);
+
+}  // namespace spillway::pipeline

@@ -1,0 +1,342 @@
+#include "pipeline/pack/scene_packer.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+#include <set>
+
+#include "cache/base/check.h"
+#include "cache/section_file.h"
+#include "pipeline/pack/bake_micromap.h"
+#include "pipeline/pack/pack_attributes.h"
+#include "pipeline/pack/pack_lights.h"
+#include "pipeline/pack/pack_page_tree.h"
+#include "pipeline/pack/pack_pages.h"
+#include "pipeline/pack/spool_mesh.h"
+#include "pipeline/source_files.h"
+#include "pipeline/store.h"
+#include "pipeline/store_validation.h"
+
+namespace spillway::pipeline {
+namespace {
+
+namespace fs = std::filesystem;
+
+// Whether this is a name that packing gives, possibly one left by a packing that was killed.
+bool is_name_of_ours(const std::string& name) {
+  for (const char* ours : {kManifestFile, kTracePagesFile, kAttributesFile})
+    if (name == ours || (name.starts_with(std::string(ours) + ".") && name.ends_with(".tmp"))) return true;
+  return name == kTexturesDirectory;
+}
+
+// A directory with things of others in it is probably a mistake, and packing would write among them.
+Status check_directory(const fs::path& directory) {
+  std::error_code code;
+  fs::create_directories(directory, code);
+  if (!fs::is_directory(directory, code))
+    return error("{}: cannot be made a directory; name another store", directory.string());
+  if (fs::exists(directory / kManifestFile, code)) return {};
+  for (const fs::directory_entry& entry : fs::directory_iterator(directory, code))
+    if (!is_name_of_ours(entry.path().filename().string()))
+      return error("{}: holds '{}', which is no part of a store; name a new or empty directory", directory.string(),
+                   entry.path().filename().string());
+  for (const fs::directory_entry& entry : fs::directory_iterator(directory / kTexturesDirectory, code))
+    if (!is_packed_image_name(entry.path().filename().string()))
+      return error("{}: is no image of a store; name a new or empty directory for the store", entry.path().string());
+  return {};
+}
+
+// Leftovers of killed processes.
+void remove_temporaries(const fs::path& directory) {
+  std::error_code code;
+  std::vector<fs::path> leftovers;
+  for (const fs::directory_entry& entry : fs::directory_iterator(directory, code)) {
+    const std::string name = entry.path().filename().string();
+    if (is_name_of_ours(name) && name.ends_with(".tmp")) leftovers.push_back(entry.path());
+  }
+  for (const fs::path& leftover : leftovers) fs::remove(leftover, code);
+}
+
+std::string one_line(std::string text) {
+  std::replace_if(text.begin(), text.end(), [](char c) { return c == '\n' || c == '\r'; }, ' ');
+  return text;
+}
+
+}  // namespace
+
+struct ScenePacker::Packed {
+  std::vector<cache::ImageInfo> images;
+  std::vector<AttributeLocation> attributes;
+  PagePlan plan;
+  PackedPageTree tree;
+  PackedLights lights;
+};
+
+// ---- what is said ----
+
+Result<std::unique_ptr<ScenePacker>> ScenePacker::create(const fs::path& store_directory, PackOptions options) {
+  if (options.max_triangles_per_page == 0 || options.max_triangles_per_page > cache::kMaxTrianglesPerPage)
+    return error("{} triangles a page; 1 to {} are possible", options.max_triangles_per_page,
+                 cache::kMaxTrianglesPerPage);
+  SPILLWAY_TRY(check_directory(store_directory));
+  std::unique_ptr<ScenePacker> packer(new ScenePacker());
+  packer->directory_ = store_directory;
+  packer->options_ = std::move(options);
+  const fs::path& scratch = packer->options_.scratch;
+  SPILLWAY_ASSIGN(packer->scratch_, cache::Scratch::create(scratch.empty() ? store_directory : scratch));
+  SPILLWAY_ASSIGN(MeshSpool spool, MeshSpool::create(*packer->scratch_));
+  packer->spool_ = std::make_unique<MeshSpool>(std::move(spool));
+  packer->instances_.emplace_back();
+  packer->instances_[0] = {};
+  return packer;
+}
+
+ScenePacker::~ScenePacker() {
+  if (!finished_) remove_output();
+}
+
+template <class T>
+Result<T> ScenePacker::fail(Error problem) {
+  if (state_) state_ = problem;
+  return problem;
+}
+
+Status ScenePacker::failed(Status status) {
+  if (!status && state_) state_ = status;
+  return status;
+}
+
+Result<ImageId> ScenePacker::add_image(const fs::path& file, cache::TexelEncoding encoding) {
+  if (!state_) return state_.error();
+  std::error_code code;
+  const fs::path whole = fs::weakly_canonical(file, code);
+  const auto [found, is_new] = image_ids_.try_emplace({(code ? file : whole).string(), encoding},
+                                                      ImageId{static_cast<uint32_t>(images_.size())});
+  if (!is_new) return found->second;
+  if (!fs::is_regular_file(file, code)) {
+    image_ids_.erase(found);
+    return fail<ImageId>(error("{}: is no image file, or cannot be read", file.string()));
+  }
+  images_.push_back({file, encoding});
+  add_source_file(file);
+  return found->second;
+}
+
+Result<TextureId> ScenePacker::add_texture(const TextureNode& node) {
+  if (!state_) return state_.error();
+  const size_t index = textures_.size();
+  const Status valid = check_texture(node, index, images_.size(), fmt::format("texture {}", index));
+  if (!valid) return fail<TextureId>(valid.error());
+  textures_.push_back(node);
+  return TextureId{static_cast<uint32_t>(index)};
+}
+
+Result<MaterialId> ScenePacker::add_material(const Material& material, std::string name) {
+  if (!state_) return state_.error();
+  const size_t index = materials_.size();
+  const Status valid = check_material(material, index, textures_.size(), fmt::format("material '{}'", name));
+  if (!valid) return fail<MaterialId>(valid.error());
+  materials_.push_back(material);
+  material_names_.push_back(std::move(name));
+  return MaterialId{static_cast<uint32_t>(index)};
+}
+
+Status ScenePacker::add_light(const shading::Light& light) {
+  SPILLWAY_TRY(state_);
+  const std::string where = fmt::format("light {}", lights_.size());
+  if (light.kind == shading::LightKind::triangle)
+    return failed(error("{}: triangles emit as meshes, not as lights", where));
+  SPILLWAY_TRY(failed(check_light(light, where)));
+  lights_.push_back(light);
+  lights_.back().reserved = 0;
+  return {};
+}
+
+uint32_t ScenePacker::begin_object(std::string name) {
+  object_names_.push_back(std::move(name));
+  return scene_.object_count++;
+}
+
+Status ScenePacker::check_mesh(const MeshInput& mesh) const {
+  if (mesh.material.value >= materials_.size())
+    return error("{}: uses material {} of {}", mesh.name, mesh.material.value, materials_.size());
+  if (mesh.alpha.valid() && mesh.alpha.value >= textures_.size())
+    return error("{}: uses texture {} of {} as alpha", mesh.name, mesh.alpha.value, textures_.size());
+  if (mesh.object >= scene_.object_count)
+    return error("{}: is of object {}, but there are {}", mesh.name, mesh.object, scene_.object_count);
+  const Rgb l = mesh.emission;
+  if (mesh.emits && (!is_finite(l) || l.r < 0 || l.g < 0 || l.b < 0))
+    return error("{}: emits ({}, {}, {}); emission must be finite and not negative", mesh.name, l.r, l.g, l.b);
+  if (mesh.emits && mesh.object != 0)
+    return error("{}: emits light inside an instanced object, which is not possible; put it into the world", mesh.name);
+  return {};
+}
+
+Status ScenePacker::add_mesh(const MeshInput& mesh) {
+  SPILLWAY_TRY(state_);
+  SPILLWAY_TRY(failed(check_mesh(mesh)));
+  auto spooled = spool_mesh(mesh, *spool_, degenerate_count_);
+  if (!spooled) return failed(spooled.error());
+  if (!spooled->chunks.empty()) scene_.meshes.push_back(std::move(*spooled));
+  return {};
+}
+
+Status ScenePacker::add_instance(uint32_t object, const Affine3& world_from_object) {
+  SPILLWAY_TRY(state_);
+  const std::string where = fmt::format("instance {}", instances_.size());
+  if (object == 0 || object >= scene_.object_count)
+    return failed(error("{}: is of object {}, but there are 1 to {}", where, object, scene_.object_count - 1));
+  cache::Instance instance{};
+  instance.object = object;
+  instance.world_from_object = world_from_object;
+  if (!invert(world_from_object, instance.object_from_world))
+    return failed(error("{} (of '{}'): its transform has no finite inverse", where, object_names_[object - 1]));
+  instances_.push_back(instance);
+  return {};
+}
+
+void ScenePacker::set_settings(const SceneSettings& settings) {
+  settings_ = settings;
+  has_settings_ = true;
+}
+
+// ---- what is made of it ----
+
+Status ScenePacker::finish() {
+  SPILLWAY_CHECK(finished_, ==, false);
+  SPILLWAY_TRY(state_);
+  if (!has_settings_) return failed(error("{}: the scene has no camera", directory_.string()));
+  SPILLWAY_TRY(failed(check_settings(settings_, "the scene's settings")));
+  const Status written = write_store();
+  if (!written) {
+    remove_output();
+    return failed(written);
+  }
+  finished_ = true;
+  return {};
+}
+
+// Numbers follow material, then order of import, so that the attribute file has the order of sorted hits.
+Status ScenePacker::number_meshes() {
+  std::stable_sort(scene_.meshes.begin(), scene_.meshes.end(),
+                   [](const SpooledMesh& a, const SpooledMesh& b) { return a.row.material < b.row.material; });
+  uint64_t prim = 0;
+  for (uint32_t m = 0; m < scene_.meshes.size(); ++m) {
+    SpooledMesh& mesh = scene_.meshes[m];
+    if (prim + mesh.row.face_count >= cache::kLeafBit)
+      return error("{}: the scene has more than {} triangles; split it", mesh.name, cache::kLeafBit);
+    mesh.row.prim_base = static_cast<uint32_t>(prim);
+    for (const MeshChunk& chunk : mesh.chunks) {
+      scene_.chunks.push_back({chunk, m, static_cast<uint32_t>(prim)});
+      prim += chunk.face_count;
+    }
+  }
+  scene_.prim_count = static_cast<uint32_t>(prim);
+  scene_.spool = spool_.get();
+  return {};
+}
+
+// What stands nowhere has no box; trees have no place for it.
+void ScenePacker::keep_instances_of_triangles() {
+  std::vector<bool> has_triangles(scene_.object_count, false);
+  for (const SpooledMesh& mesh : scene_.meshes) has_triangles[mesh.row.object] = true;
+  std::erase_if(instances_, [&](const cache::Instance& i) { return i.object != 0 && !has_triangles[i.object]; });
+}
+
+Status ScenePacker::write_store() {
+  Packed packed;
+  wrote_output_ = true;
+  std::error_code code;
+  fs::remove(directory_ / kManifestFile, code);
+  if (code) return error("{}: cannot be removed: {}", (directory_ / kManifestFile).string(), code.message());
+  remove_temporaries(directory_);
+
+  SPILLWAY_TRY(spool_->seal());
+  SPILLWAY_TRY(number_meshes());
+  keep_instances_of_triangles();
+  SPILLWAY_ASSIGN(packed.images,
+                  pack_images(images_, directory_ / kTexturesDirectory, options_.memory_limit_bytes));
+  remove_packed_images(directory_ / kTexturesDirectory, packed.images);
+  SPILLWAY_ASSIGN(auto attributes, cache::WriteFile::create(directory_ / kAttributesFile, cache::IoPurpose::pack));
+  SPILLWAY_ASSIGN(packed.attributes, pack_attributes(scene_, attributes));
+  SPILLWAY_TRY(attributes.commit());
+  SPILLWAY_TRY(write_pages(packed));
+  SPILLWAY_ASSIGN(packed.lights, pack_lights(scene_, lights_, packed.tree.bounds_world));
+  return write_manifest(packed);
+}
+
+Status ScenePacker::write_pages(Packed& packed) {
+  const PackPagesOptions options{options_.max_triangles_per_page, options_.tree, options_.memory_limit_bytes};
+  std::unique_ptr<cache::TextureCache> images;
+  if (!packed.images.empty()) {
+    const cache::TextureCache::Options cache_options{.memory_limit_bytes = options_.memory_limit_bytes / 8};
+    SPILLWAY_ASSIGN(images, cache::TextureCache::open(directory_ / kTexturesDirectory, packed.images, cache_options));
+  }
+  const BakeMicromap bake = [&](uint32_t texture, const Float2(&uv)[3]) {
+    return bake_micromap(uv, texture, textures_, packed.images, images.get());
+  };
+  SPILLWAY_ASSIGN(auto file, cache::WriteFile::create(directory_ / kTracePagesFile, cache::IoPurpose::pack));
+  SPILLWAY_ASSIGN(packed.plan, plan_pages(scene_, options));
+  SPILLWAY_ASSIGN(const std::vector<Bounds3> bounds, pack_pages(scene_, packed.plan, bake, options, file));
+  packed.tree = pack_page_tree(bounds, packed.plan.pages, instances_, scene_.object_count, options_.tree);
+  return file.commit();
+}
+
+SceneStatistics ScenePacker::statistics(const Packed& packed) const {
+  std::vector<uint64_t> triangles(scene_.object_count, 0);
+  for (const SpooledMesh& mesh : scene_.meshes) triangles[mesh.row.object] += mesh.row.face_count;
+  SceneStatistics statistics;
+  statistics.triangle_count = scene_.prim_count;
+  for (const cache::Instance& instance : instances_) statistics.instanced_triangle_count += triangles[instance.object];
+  statistics.degenerate_dropped_count = degenerate_count_;
+  statistics.bounds_world = packed.tree.bounds_world;
+  return statistics;
+}
+
+std::string ScenePacker::name_lines() const {
+  std::string lines;
+  for (size_t i = 0; i < scene_.meshes.size(); ++i) lines += fmt::format("mesh {} {}\n", i, one_line(scene_.meshes[i].name));
+  for (size_t i = 0; i < material_names_.size(); ++i) lines += fmt::format("material {} {}\n", i, one_line(material_names_[i]));
+  for (size_t i = 0; i < object_names_.size(); ++i) lines += fmt::format("object {} {}\n", i + 1, one_line(object_names_[i]));
+  return lines;
+}
+
+Status ScenePacker::write_manifest(const Packed& packed) {
+  // No padding inside, whose bytes would be anything.
+  static_assert(sizeof(SceneSettings) == 192);
+  settings_.statistics = statistics(packed);
+  std::vector<Mesh> meshes;
+  for (const SpooledMesh& mesh : scene_.meshes) meshes.push_back(mesh.row);
+  const std::string names = name_lines(), sources = source_record(options_.source_files);
+
+  cache::SectionWriter writer(kStoreKind, kStoreVersion);
+  const auto add = [&](const char* name, const auto& items) {
+    writer.add(name, std::as_bytes(std::span(items.data(), items.size())));
+  };
+  writer.add(section::kSettings, std::as_bytes(std::span(&settings_, 1)));
+  add(section::kMeshes, meshes);
+  add(section::kMaterials, materials_);
+  add(section::kTextures, textures_);
+  add(section::kImages, packed.images);
+  add(section::kLights, packed.lights.lights);
+  add(section::kLightCdf, packed.lights.cdf);
+  add(section::kPages, packed.plan.pages);
+  add(section::kTreeNodes, packed.tree.nodes);
+  add(section::kTreeEntries, packed.tree.entries);
+  add(section::kTreeObjects, packed.tree.objects);
+  add(section::kInstances, instances_);
+  add(section::kAttributes, packed.attributes);
+  add(section::kNames, names);
+  add(section::kSources, sources);
+  return writer.write(directory_ / kManifestFile);
+}
+
+void ScenePacker::remove_output() {
+  if (!wrote_output_) return;
+  std::error_code code;
+  for (const char* file : {kManifestFile, kTracePagesFile, kAttributesFile}) fs::remove(directory_ / file, code);
+  remove_packed_images(directory_ / kTexturesDirectory, {});
+  wrote_output_ = false;
+}
+
+}  // namespace spillway::pipeline

@@ -1,0 +1,95 @@
+#pragma once
+
+// The scene sink that writes a store.
+//
+// Owns: the store directory while it packs; scratch files; tables of what was said so far.
+// Memory: tag pack. Meshes go to scratch at once and leave a row of some hundred bytes; finish() takes 32 bytes a
+//         triangle of the largest object and uses what else the limit allows.
+// Threads: one caller; finish() works on all threads of the current arena.
+// Fails: the first error is final: every later call returns it. A store that is already in the directory stays whole
+//        until finish() begins to write; from then on there is no manifest until all else is in place. What a failed
+//        packing wrote is removed.
+// Order: the store's bytes depend on what was said and in which order alone, not on threads, memory limit or scratch.
+
+#include <filesystem>
+#include <map>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "cache/file.h"
+#include "cache/trace_page.h"
+#include "pipeline/pack/build_trees.h"
+#include "pipeline/pack/mesh_spool.h"
+#include "pipeline/pack/pack_images.h"
+#include "pipeline/pack/scene_sink.h"
+
+namespace spillway::pipeline {
+
+struct PackOptions {
+  // Meaning: goes into the manifest.
+  std::vector<std::filesystem::path> source_files{};  // what the store is made from, see Store::is_current
+  // Performance: pages differ, pictures do not.
+  uint32_t max_triangles_per_page = 65536;          // 1..65536; larger: fewer, longer reads
+  BuildOptions tree{};
+  // Performance: the store's bytes do not differ.
+  uint64_t memory_limit_bytes = 2ull << 30;         // larger: fewer passes over the spooled meshes
+  std::filesystem::path scratch{};                  // empty: the store directory; holds all triangles once, uncompressed
+};
+
+class ScenePacker final : public SceneSink {
+ public:
+  static Result<std::unique_ptr<ScenePacker>> create(const std::filesystem::path& store_directory, PackOptions options);
+  ~ScenePacker() override;
+
+  Result<ImageId> add_image(const std::filesystem::path& file, cache::TexelEncoding encoding) override;
+  Result<TextureId> add_texture(const TextureNode& node) override;
+  Result<MaterialId> add_material(const Material& material, std::string name) override;
+  Status add_light(const shading::Light& light) override;
+  uint32_t begin_object(std::string name) override;
+  Status add_mesh(const MeshInput& mesh) override;
+  Status add_instance(uint32_t object, const Affine3& world_from_object) override;
+  void set_settings(const SceneSettings& settings) override;
+  Status finish() override;
+
+  // More of PackOptions::source_files, found while importing. Images are added by themselves.
+  void add_source_file(const std::filesystem::path& file) { options_.source_files.push_back(file); }
+
+ private:
+  struct Packed;  // what finish() has made
+
+  ScenePacker() = default;
+  template <class T>
+  Result<T> fail(Error problem);
+  Status failed(Status status);
+  Status check_mesh(const MeshInput& mesh) const;
+  Status write_store();
+  Status number_meshes();
+  void keep_instances_of_triangles();
+  Status write_pages(Packed& packed);
+  SceneStatistics statistics(const Packed& packed) const;
+  [[nodiscard]] std::string name_lines() const;
+  Status write_manifest(const Packed& packed);
+  void remove_output();
+
+  std::filesystem::path directory_;
+  PackOptions options_;
+  std::unique_ptr<cache::Scratch> scratch_;
+  std::unique_ptr<MeshSpool> spool_;
+  SpooledScene scene_;
+  SceneSettings settings_;
+  std::vector<ImageSource> images_;
+  std::map<std::pair<std::string, cache::TexelEncoding>, ImageId> image_ids_;
+  std::vector<TextureNode> textures_;
+  std::vector<Material> materials_;
+  std::vector<std::string> material_names_, object_names_;
+  std::vector<shading::Light> lights_;
+  std::vector<cache::Instance> instances_;
+  uint64_t degenerate_count_ = 0;
+  Status state_;               // the first error
+  bool has_settings_ = false;
+  bool wrote_output_ = false;  // files of ours may be in the directory
+  bool finished_ = false;
+};
+
+}  // namespace spillway::pipeline

@@ -1,0 +1,128 @@
+#include "pipeline/pack/spool_mesh.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace spillway::pipeline {
+namespace {
+
+Status check_counts(const MeshInput& input) {
+  if (input.indices.size() % 3 != 0)
+    return error("{}: has {} indices, which is no multiple of three", input.name, input.indices.size());
+  if (input.positions.size() >= UINT32_MAX)
+    return error("{}: has {} vertices, more than 32-bit indices reach; split the mesh", input.name,
+                 input.positions.size());
+  if (!input.normals.empty() && input.normals.size() != input.positions.size())
+    return error("{}: has {} normals for {} vertices", input.name, input.normals.size(), input.positions.size());
+  if (!input.uvs.empty() && input.uvs.size() != input.positions.size())
+    return error("{}: has {} uvs for {} vertices", input.name, input.uvs.size(), input.positions.size());
+  return {};
+}
+
+Status check_values(const MeshInput& input) {
+  for (size_t i = 0; i < input.positions.size(); ++i) {
+    const Float3 p = input.positions[i];
+    if (!is_finite(p)) return error("{}: vertex {} is ({}, {}, {}), not finite", input.name, i, p.x, p.y, p.z);
+    if (max_abs(p) > kLargestCoordinate)
+      return error("{}: vertex {} is ({}, {}, {}), beyond {}; scale the scene down", input.name, i, p.x, p.y, p.z,
+                   kLargestCoordinate);
+  }
+  for (size_t i = 0; i < input.normals.size(); ++i)
+    if (!is_finite(input.normals[i])) return error("{}: the normal of vertex {} is not finite", input.name, i);
+  for (size_t i = 0; i < input.uvs.size(); ++i)
+    if (!std::isfinite(input.uvs[i].x) || !std::isfinite(input.uvs[i].y))
+      return error("{}: the uv of vertex {} is not finite", input.name, i);
+  for (size_t i = 0; i < input.indices.size(); ++i)
+    if (input.indices[i] >= input.positions.size())
+      return error("{}: index {} of triangle {} is {}, but there are {} vertices", input.name, i % 3, i / 3,
+                   input.indices[i], input.positions.size());
+  return {};
+}
+
+// As shading computes it: what has no normal there has no area here.
+bool has_area(const MeshInput& input, const uint32_t* face) {
+  if (face[0] == face[1] || face[1] == face[2] || face[2] == face[0]) return false;
+  const Float3 p0 = input.positions[face[0]];
+  const Float3 normal = cross(input.positions[face[1]] - p0, input.positions[face[2]] - p0);
+  return length_squared(normal) > 0;
+}
+
+// Collects faces and their vertices; `local` holds a vertex's number in the chunk, or kUnseen.
+class ChunkMaker {
+ public:
+  explicit ChunkMaker(const MeshInput& input) : input_(input), local_(MemoryTag::pack, input.positions.size()) {}
+
+  void add_face(const uint32_t* face) {
+    for (int k = 0; k < 3; ++k) data_.indices.push_back(local_vertex(face[k]));
+  }
+  [[nodiscard]] size_t face_count() const { return data_.indices.size() / 3; }
+  [[nodiscard]] const cache::AttributeSegmentData& data() const { return data_; }
+  void clear() {
+    for (const uint32_t vertex : vertices_) local_[vertex] = 0;
+    vertices_.clear(), data_.indices.clear(), data_.positions.clear(), data_.normals.clear(), data_.uvs.clear();
+  }
+
+ private:
+  uint16_t local_vertex(uint32_t vertex) {
+    if (local_[vertex] == 0) {
+      vertices_.push_back(vertex);
+      local_[vertex] = static_cast<uint32_t>(vertices_.size());
+      data_.positions.push_back(input_.positions[vertex]);
+      if (!input_.normals.empty()) data_.normals.push_back(input_.normals[vertex]);
+      if (!input_.uvs.empty()) data_.uvs.push_back(input_.uvs[vertex]);
+    }
+    return static_cast<uint16_t>(local_[vertex] - 1);
+  }
+
+  const MeshInput& input_;
+  Buffer<uint32_t> local_;  // number in the chunk plus one; 0: not in it
+  std::vector<uint32_t> vertices_;
+  cache::AttributeSegmentData data_;
+};
+
+Status append_chunk(ChunkMaker& maker, MeshSpool& spool, SpooledMesh& mesh) {
+  if (maker.face_count() == 0) return {};
+  SPILLWAY_ASSIGN(const MeshChunk chunk, spool.append(maker.data()));
+  mesh.chunks.push_back(chunk);
+  mesh.row.face_count += chunk.face_count;
+  maker.clear();
+  return {};
+}
+
+SpooledMesh mesh_without_faces(const MeshInput& input) {
+  SpooledMesh mesh;
+  mesh.name = input.name;
+  mesh.row.material = input.material.value;
+  mesh.row.object = input.object;
+  mesh.row.light_base = LightId::kNone;
+  mesh.row.alpha_texture = input.alpha.value;
+  mesh.row.flags = (input.flip_normals ? kMeshFlipNormals : 0u) | (input.normals.empty() ? 0u : kMeshHasNormals) |
+                   (input.uvs.empty() ? 0u : kMeshHasUvs);
+  mesh.emits = input.emits && !is_black(input.emission);
+  mesh.emits_two_sided = input.emits_two_sided;
+  mesh.emission = input.emission;
+  return mesh;
+}
+
+}  // namespace
+
+Result<SpooledMesh> spool_mesh(const MeshInput& input, MeshSpool& spool, uint64_t& degenerate_count) {
+  SPILLWAY_TRY(check_counts(input));
+  SPILLWAY_TRY(check_values(input));
+  if (input.indices.size() / 3 >= PrimId::kNone)
+    return error("{}: has {} triangles, more than a scene can hold", input.name, input.indices.size() / 3);
+  SpooledMesh mesh = mesh_without_faces(input);
+  ChunkMaker maker(input);
+  for (size_t i = 0; i < input.indices.size(); i += 3) {
+    if (!has_area(input, &input.indices[i])) {
+      ++degenerate_count;
+      continue;
+    }
+    maker.add_face(&input.indices[i]);
+    if (maker.face_count() == cache::kMaxFacesPerAttributeBlock) SPILLWAY_TRY(append_chunk(maker, spool, mesh));
+  }
+  SPILLWAY_TRY(append_chunk(maker, spool, mesh));
+  return mesh;
+}
+
+}  // namespace spillway::pipeline

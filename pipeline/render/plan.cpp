@@ -1,0 +1,173 @@
+#include "pipeline/render/plan.h"
+
+#include <algorithm>
+#include <optional>
+
+namespace spillway::pipeline {
+namespace {
+
+constexpr uint64_t kMiB = 1 << 20;
+
+// Bytes a path of a wave takes; the sum of both kinds of rays it may have (records.h, ray.h).
+constexpr uint64_t kHotBytesPerPath = 2 * (32 + 24 + 4);    // rays, results, order of a path and its shadow ray
+constexpr uint64_t kNextHotBytesPerPath = 2 * 32;           // what shade_hits writes while hits are still held
+constexpr uint64_t kSortBytesPerPath = 2 * 24;              // keys and indices of sort_rays, twice
+constexpr uint64_t kColdBytesPerPath = 52 + 24;             // path and shadow record, of one wave
+constexpr uint64_t kHitBytesPerPath = 2 * 96 + 2 * 16 + 8;  // records, keys, order and the gathered copy
+// Written and read again for every step of a spilled path: two cold records and a hit with its key, both ways.
+constexpr uint64_t kSpillBytesPerStep = 2 * (kColdBytesPerPath + 96 + 16);
+
+// Small waves stay in the processor's caches; larger ones only pay when a sweep is to be shared.
+constexpr uint64_t kInCoreWavePaths = 32 << 10;
+constexpr uint64_t kLargestWavePaths = 32ull << 20;
+// Batches of route_hits and shade_hits, thread scratch.
+constexpr uint64_t kStageBytes = 12 * kMiB;
+// What the allocator, the task scheduler and the image library hold outside every tag.
+constexpr uint64_t kSlackBytes = 24 * kMiB;
+// Write-behind and read-ahead blocks of the three spilled streams and the sort, and the smallest hit sort of use.
+constexpr uint64_t kSpillBufferBytes = 48 * kMiB;
+constexpr uint64_t kSmallestHitSortBytes = 32 * kMiB;
+constexpr uint64_t kSmallestTextureBytes = 16 * kMiB;
+constexpr uint64_t kReadAheadParts = 4;
+// Mean number of vertices of a path; only its order of magnitude matters here.
+constexpr double kStepsPerPath = 4;
+
+uint64_t swept_minimum(uint64_t total, uint64_t largest_part) { return std::min(total, (kReadAheadParts + 1) * largest_part); }
+
+struct Smallest {
+  uint64_t pages, attributes, textures;
+  [[nodiscard]] uint64_t sum() const { return pages + attributes + textures; }
+};
+
+Smallest smallest_caches(const SceneFacts& f, const PlanOptions& o) {
+  return {o.page_bytes ? o.page_bytes : swept_minimum(f.trace_bytes, f.largest_page_bytes),
+          o.attribute_bytes ? o.attribute_bytes : swept_minimum(f.attribute_bytes, f.largest_attribute_block_bytes),
+          o.texture_bytes ? o.texture_bytes : std::min(f.texture_bytes, kSmallestTextureBytes)};
+}
+
+uint64_t fixed_bytes(const SceneFacts& f, const PlanOptions& o) {
+  return o.floor_bytes + f.table_bytes + f.film_bytes + kStageBytes + kSlackBytes;
+}
+
+uint64_t wave_bytes(uint64_t paths, bool spills) {
+  const uint64_t tracing = kHotBytesPerPath + kSortBytesPerPath;
+  const uint64_t shading = kNextHotBytesPerPath;
+  if (spills) return paths * std::max(tracing, kHotBytesPerPath + shading) + kSpillBufferBytes + kSmallestHitSortBytes;
+  return paths * (kHotBytesPerPath + shading + 2 * kColdBytesPerPath + kHitBytesPerPath);
+}
+
+// Gives what is left beyond the smallest shares to the caches: pages first, for they are swept; then attributes, textures.
+void share_out(uint64_t left, const SceneFacts& f, const PlanOptions& o, Smallest& share) {
+  const auto give = [&](uint64_t& to, uint64_t wanted, uint64_t fixed) {
+    if (fixed != 0 || to >= wanted) return;
+    const uint64_t more = std::min(left, wanted - to);
+    to += more, left -= more;
+  };
+  give(share.textures, std::min<uint64_t>(f.texture_bytes, share.textures + left / 4), o.texture_bytes);
+  give(share.attributes, std::min<uint64_t>(f.attribute_bytes, share.attributes + left / 4), o.attribute_bytes);
+  give(share.pages, f.trace_bytes, o.page_bytes);
+  give(share.attributes, f.attribute_bytes, o.attribute_bytes);
+  give(share.textures, f.texture_bytes, o.texture_bytes);
+}
+
+double frame_steps(const SceneFacts& f) {
+  const double depth = std::min<double>(kStepsPerPath, f.max_depth + 1);
+  return static_cast<double>(f.pixel_count) * f.samples_per_pixel * depth;
+}
+
+void predict(const SceneFacts& f, const Rates& r, Plan& plan) {
+  const double steps = std::max(1.0, frame_steps(f));
+  const double waves = steps / static_cast<double>(plan.wave_paths) + f.max_depth;
+  const auto missed = [](uint64_t total, uint64_t share) { return total > share ? total - share : 0; };
+  const uint64_t swept = missed(f.trace_bytes, plan.page_bytes) + missed(f.attribute_bytes, plan.attribute_bytes) +
+                         missed(f.texture_bytes, plan.texture_bytes);
+  const double page_bytes = waves * static_cast<double>(swept) + static_cast<double>(f.trace_bytes + f.attribute_bytes);
+  const double spill_bytes = plan.spills ? steps * kSpillBytesPerStep : 0;
+  const double compute = steps / r.path_steps_per_second + waves * r.wave_overhead_seconds;
+  const double io = (page_bytes + spill_bytes) / r.disk_bytes_per_second;
+  plan.predicted_waves = static_cast<uint64_t>(waves);
+  plan.predicted_page_bytes = static_cast<uint64_t>(page_bytes);
+  plan.predicted_spill_bytes = static_cast<uint64_t>(spill_bytes);
+  plan.predicted_scratch_bytes = plan.spills ? plan.wave_paths * (2 * kColdBytesPerPath + 96 + 16) : 0;
+  // Half of the reading is taken to overlap with computing.
+  plan.predicted_seconds = std::max(compute, io) + 0.5 * std::min(compute, io);
+}
+
+Plan shape(const SceneFacts& f, const PlanOptions& o, uint64_t paths, bool spills, uint64_t budget) {
+  Smallest share = smallest_caches(f, o);
+  const uint64_t needed = fixed_bytes(f, o) + wave_bytes(paths, spills) + share.sum();
+  share_out(budget - needed, f, o, share);
+  Plan plan;
+  plan.wave_paths = paths, plan.spills = spills;
+  plan.page_bytes = share.pages, plan.attribute_bytes = share.attributes, plan.texture_bytes = share.textures;
+  plan.pages_fit = share.pages >= f.trace_bytes, plan.attributes_fit = share.attributes >= f.attribute_bytes;
+  plan.textures_fit = share.textures >= f.texture_bytes;
+  plan.read_ahead_bytes = kReadAheadParts * f.largest_page_bytes;
+  plan.pair_bytes = std::clamp<uint64_t>(paths * 24, 1 * kMiB, 128 * kMiB);
+  plan.ray_bytes = paths * (kHotBytesPerPath + kNextHotBytesPerPath);
+  plan.cold_bytes = spills ? 0 : UINT64_MAX;
+  plan.hit_bytes = spills ? kSmallestHitSortBytes : UINT64_MAX;
+  plan.epoch_samples = 16;
+  // A wave must not starve on two open epochs.
+  while (uint64_t{plan.epoch_samples} * f.pixel_count < paths && plan.epoch_samples < (1u << 16)) plan.epoch_samples *= 2;
+  plan.memory_bytes = fixed_bytes(f, o) + wave_bytes(paths, spills) + share.sum();
+  return plan;
+}
+
+bool fits(const SceneFacts& f, const PlanOptions& o, uint64_t paths, bool spills, uint64_t budget) {
+  return fixed_bytes(f, o) + wave_bytes(paths, spills) + smallest_caches(f, o).sum() <= budget;
+}
+
+}  // namespace
+
+Result<Plan> plan_render(const SceneFacts& facts, const PlanOptions& options, const Rates& rates) {
+  const uint64_t budget = options.memory_bytes ? options.memory_bytes : UINT64_MAX / 2;
+  const uint64_t first = options.wave_paths ? options.wave_paths : kInCoreWavePaths;
+  const uint64_t last = options.wave_paths ? options.wave_paths : kLargestWavePaths;
+  std::optional<Plan> best;
+  for (uint64_t paths = first; paths <= last; paths *= 2) {
+    for (const bool spills : {false, true}) {
+      if (options.spill >= 0 && spills != (options.spill == 1)) continue;
+      if (!fits(facts, options, paths, spills, budget)) continue;
+      Plan plan = shape(facts, options, paths, spills, budget);
+      predict(facts, rates, plan);
+      // The smaller wave unless a larger one is clearly faster: it holds less, and stays nearer to the caches.
+      if (!best || plan.predicted_seconds < 0.97 * best->predicted_seconds) best = plan;
+    }
+  }
+  if (best) return *best;
+  const bool may_spill = options.spill != 0;
+  const uint64_t smallest =
+      fixed_bytes(facts, options) + smallest_caches(facts, options).sum() +
+      std::min(options.spill == 1 ? UINT64_MAX : wave_bytes(first, false), may_spill ? wave_bytes(first, true) : UINT64_MAX);
+  return error("--memory {}: this frame needs at least {} ({} before anything is loaded, {} film, {} tables); raise it",
+               bytes_text(budget), bytes_text(smallest + kMiB), bytes_text(options.floor_bytes),
+               bytes_text(facts.film_bytes), bytes_text(facts.table_bytes));
+}
+
+std::string bytes_text(uint64_t bytes) {
+  if (bytes >= (1ull << 30)) return fmt::format("{:.2f} GiB", static_cast<double>(bytes) / (1ull << 30));
+  if (bytes >= kMiB) return fmt::format("{:.1f} MiB", static_cast<double>(bytes) / kMiB);
+  if (bytes >= 1024) return fmt::format("{:.1f} KiB", static_cast<double>(bytes) / 1024);
+  return fmt::format("{} B", bytes);
+}
+
+std::string describe(const Plan& p) {
+  const auto share = [](uint64_t bytes, bool all) {
+    return fmt::format("{}{}", bytes_text(bytes), all ? " (all of it)" : " (the rest is swept)");
+  };
+  return fmt::format(
+      "wave          {} paths, {}\n"
+      "pages         {}\n"
+      "attributes    {}\n"
+      "textures      {}\n"
+      "rays          {}\n"
+      "memory        {}\n"
+      "predicted     {:.1f} s, {} waves, {} of pages, {} spilled, {} of scratch\n",
+      p.wave_paths, p.spills ? "spilled to scratch" : "in memory", share(p.page_bytes, p.pages_fit),
+      share(p.attribute_bytes, p.attributes_fit), share(p.texture_bytes, p.textures_fit), bytes_text(p.ray_bytes),
+      bytes_text(p.memory_bytes), p.predicted_seconds, p.predicted_waves, bytes_text(p.predicted_page_bytes),
+      bytes_text(p.predicted_spill_bytes), bytes_text(p.predicted_scratch_bytes));
+}
+
+}  // namespace spillway::pipeline

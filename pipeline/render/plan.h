@@ -1,0 +1,67 @@
+#pragma once
+
+// How a render uses its memory: one pure function of what the scene weighs, what the budget is and how fast things go.
+// The renderer executes the plan, the report shows predicted against actual, `spillway plan` prints it.
+
+#include <cstdint>
+#include <string>
+
+#include "cache/base/result.h"
+
+namespace spillway::pipeline {
+
+// What matters of a scene and a frame, in bytes and counts.
+struct SceneFacts {
+  uint64_t trace_bytes = 0, largest_page_bytes = 0;
+  uint64_t attribute_bytes = 0, largest_attribute_block_bytes = 0;
+  uint64_t texture_bytes = 0;  // decoded tiles of all images and levels, and what the library holds beside them
+  uint64_t image_count = 0;
+  uint64_t table_bytes = 0;    // manifest tables, page tree, lights
+  uint64_t film_bytes = 0;
+  uint64_t pixel_count = 0;
+  uint32_t samples_per_pixel = 1;
+  uint32_t max_depth = 5;
+};
+
+// Measured on two cores; they decide between plans, never what is computed.
+struct Rates {
+  double path_steps_per_second = 1.2e6;
+  double disk_bytes_per_second = 1.0e9;
+  double wave_overhead_seconds = 2e-4;
+};
+
+// What the user fixes; zero or unset: planned.
+struct PlanOptions {
+  uint64_t memory_bytes = 0;         // of the whole process; 0: everything is kept in memory
+  uint64_t floor_bytes = 0;          // resident before the first table: libraries, code, stacks
+  uint64_t wave_paths = 0;
+  uint64_t page_bytes = 0, attribute_bytes = 0, texture_bytes = 0;  // shares
+  int spill = -1;                    // 0 never, 1 always, -1 when it pays
+};
+
+struct Plan {
+  uint64_t wave_paths = 0;      // camera and continued paths a wave; each may send one shadow ray
+  bool spills = false;          // cold columns and hits beyond their limits go to scratch
+  bool pages_fit = true, attributes_fit = true, textures_fit = true;
+  uint64_t page_bytes = 0, attribute_bytes = 0, texture_bytes = 0;  // limits of the caches
+  uint64_t read_ahead_bytes = 0;   // of each swept store, inside its limit
+  uint64_t pair_bytes = 0;         // (page, ray) pairs of a sweep window
+  uint64_t cold_bytes = 0;         // limit of each cold stream in memory
+  uint64_t hit_bytes = 0;          // limit of the hit sort
+  uint64_t ray_bytes = 0;          // hot columns, results, orders
+  uint32_t epoch_samples = 16;     // largest epoch
+  uint64_t memory_bytes = 0;       // what all of it comes to, floor included
+  double predicted_seconds = 0;
+  uint64_t predicted_waves = 0, predicted_page_bytes = 0, predicted_spill_bytes = 0, predicted_scratch_bytes = 0;
+};
+
+// Fails when the budget is too small, naming the smallest that would do.
+Result<Plan> plan_render(const SceneFacts& facts, const PlanOptions& options, const Rates& rates = {});
+
+// For people: one line a fact.
+[[nodiscard]] std::string describe(const Plan& plan);
+
+// "1.5 GiB"
+[[nodiscard]] std::string bytes_text(uint64_t bytes);
+
+}  // namespace spillway::pipeline

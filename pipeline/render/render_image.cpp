@@ -1,0 +1,400 @@
+#include "pipeline/render/render_image.h"
+
+#include <algorithm>
+#include <chrono>
+#include <optional>
+
+#include "cache/base/check.h"
+#include "cache/base/hash.h"
+#include "pipeline/evaluate_texture.h"
+#include "pipeline/render/attribute_store.h"
+#include "pipeline/render/resolve_material.h"
+#include "pipeline/render/route_hits.h"
+#include "pipeline/render/shade_hits.h"
+
+namespace spillway::pipeline {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+double seconds_since(Clock::time_point start) { return std::chrono::duration<double>(Clock::now() - start).count(); }
+
+// Everything that lives as long as the render.
+struct RenderState {
+  RenderState(const Store& s, const RenderOptions& o) : store(s), options(o) {}
+
+  const Store& store;
+  const RenderOptions& options;
+  Plan plan = {};
+  std::unique_ptr<cache::Scratch> scratch;
+  std::unique_ptr<cache::PartStore> page_parts;
+  std::unique_ptr<PageViews> pages;
+  std::unique_ptr<AttributeStore> attributes;
+  std::unique_ptr<cache::TextureCache> textures;
+  std::unique_ptr<TextureEvaluator> evaluator;
+  std::unique_ptr<MaterialResolver> resolver;
+  std::unique_ptr<Film> film;
+  ShadeInputs inputs;
+};
+
+using Paths = RayColumns<PathRecord>;
+using Shadows = RayColumns<ShadowRecord>;
+
+cache::StreamOptions stream_options(RenderState& state, const char* what, MemoryTag tag, cache::IoPurpose purpose,
+                                    uint64_t limit) {
+  return {.what = what, .tag = tag, .purpose = purpose, .memory_limit_bytes = limit,
+          .block_bytes = state.options.spill_block_bytes, .scratch = state.scratch.get()};
+}
+
+// One wave's rays of both kinds.
+struct Wave {
+  Paths paths;
+  Shadows shadows;
+};
+
+Wave make_wave(RenderState& state) {
+  const auto options = [&](const char* what) {
+    return stream_options(state, what, MemoryTag::paths, cache::IoPurpose::paths, state.plan.cold_bytes);
+  };
+  return {{{}, cache::RecordStream<PathRecord>(options("paths"))},
+          {{}, cache::RecordStream<ShadowRecord>(options("shadow rays"))},};
+}
+
+// Empty columns with room for so many rays.
+template <class Record>
+void empty(RayColumns<Record>& columns, size_t capacity) {
+  columns.hot.renew(MemoryTag::rays, capacity);
+  columns.hot.set_size(0);
+  columns.cold.clear();
+}
+
+class RenderLoop {
+ public:
+  RenderLoop(RenderState& state, RenderReport& report)
+      : state_(state), report_(report), settings_(state.options.settings),
+        camera_rays_(settings_.camera, settings_.filter, pixel_window(settings_), settings_.render.seed),
+        schedule_({settings_.render.samples_per_pixel, state.plan.epoch_samples}),
+        hits_(stream_options(state, "hits", MemoryTag::hits, cache::IoPurpose::hits, state.plan.hit_bytes)) {}
+
+  Status run() {
+    start_ = Clock::now();
+    Wave wave = make_wave(state_);
+    empty(wave.paths, state_.plan.wave_paths);
+    empty(wave.shadows, 0);
+    while (true) {
+      WaveReport wave_report;
+      SPILLWAY_TRY(top_up(wave, wave_report));
+      if (wave.paths.hot.empty() && wave.shadows.hot.empty()) break;
+      SPILLWAY_TRY(advance(wave, wave_report));
+      report_.waves.push_back(wave_report);
+      close_epochs();
+      stop_when_asked();
+      tell_progress();
+    }
+    SPILLWAY_CHECK(schedule_.finished(), ==, true);
+    report_.half_samples = schedule_.closed_samples();
+    report_.samples_per_pixel = report_.half_samples[0] + report_.half_samples[1];
+    report_.epoch_count = schedule_.closed_epoch_count();
+    report_.seconds = seconds_since(start_);
+    return {};
+  }
+
+ private:
+  // Fills the wave with camera paths of the open epochs, opening the next one where there is none.
+  Status top_up(Wave& wave, WaveReport& report) {
+    const auto started = Clock::now();
+    while (wave.paths.hot.size() < state_.plan.wave_paths) {
+      if (camera_rays_.exhausted()) {
+        const std::optional<Epoch> epoch = schedule_.open_next();
+        if (!epoch) break;
+        camera_rays_.begin(*epoch);
+        generating_half_ = epoch->half;
+      }
+      SPILLWAY_TRY(generate_batch(wave, report));
+    }
+    SPILLWAY_TRY(wave.paths.cold.finish());
+    SPILLWAY_TRY(wave.shadows.cold.finish());
+    report_.generate_seconds += seconds_since(started);
+    return {};
+  }
+
+  Status generate_batch(Wave& wave, WaveReport& report) {
+    const size_t at = wave.paths.hot.size();
+    const size_t room = std::min<size_t>(state_.plan.wave_paths - at, generated_.size());
+    const size_t made = camera_rays_.generate_rays(room, wave.paths.hot.data() + at, generated_.data());
+    wave.paths.hot.set_size(at + made);
+    report.generated_count += made;
+    return wave.paths.cold.append({generated_.data(), made});
+  }
+
+  // One bounce: sort, trace, route, shade. The rays of the wave become the rays of the next, in the same buffers: once
+  // routed, a ray lives on in its hit.
+  Status advance(Wave& wave, WaveReport& report) {
+    report.path_count = wave.paths.hot.size(), report.shadow_count = wave.shadows.hot.size();
+    cache::ExternalSort<HitRecord>& hits = hits_;
+    hits.clear();
+    SPILLWAY_TRY(trace_and_route(wave, hits, report));
+    report.spilled_bytes += wave.paths.cold.spilled_bytes() + wave.shadows.cold.spilled_bytes();
+    empty(wave.paths, std::max<size_t>(hits.size(), state_.plan.wave_paths));
+    empty(wave.shadows, hits.size());
+    const auto started = Clock::now();
+    SPILLWAY_TRY(hits.finish());
+    const ShadeHitsReport before = report_.shade;
+    SPILLWAY_TRY(shade_hits(state_.inputs, hits, *state_.attributes, *state_.film, wave.paths, wave.shadows,
+                            shade_scratch_, report_.shade));
+    report.partition_count = report_.shade.partition_count - before.partition_count;
+    for (const int half : {0, 1}) live_[half] = report_.shade.rays_of_half[half] - before.rays_of_half[half];
+    report.spilled_bytes += hits.spilled_bytes();
+    report.shade_seconds = seconds_since(started);
+    report_.spilled_bytes += report.spilled_bytes;
+    state_.page_parts->rebalance();
+    state_.attributes->parts().rebalance();
+    return {};
+  }
+
+  Status trace_and_route(Wave& wave, cache::ExternalSort<HitRecord>& hits, WaveReport& report) {
+    const size_t path_count = wave.paths.hot.size(), shadow_count = wave.shadows.hot.size();
+    auto started = Clock::now();
+    order_.renew(MemoryTag::rays, path_count + shadow_count);
+    order_.set_size(path_count + shadow_count);
+    SortRaysOptions sort_options;
+    sort_options.enabled = state_.options.sort_rays;
+    sort_rays(wave.paths.hot, wave.shadows.hot, settings_.statistics.bounds_world, order_, sort_options, sort_scratch_);
+    if (state_.plan.spills) sort_scratch_ = {};
+    report.sort_seconds = seconds_since(started);
+
+    started = Clock::now();
+    path_hits_.renew(MemoryTag::rays, path_count), path_hits_.set_size(path_count);
+    shadow_hits_.renew(MemoryTag::rays, shadow_count), shadow_hits_.set_size(shadow_count);
+    TraceRaysOptions trace_options;
+    trace_options.pair_limit_bytes = state_.plan.pair_bytes;
+    TraceRaysReport traced;
+    SPILLWAY_TRY(trace_rays(state_.store.page_tree(), *state_.pages,
+                            {wave.paths.hot, wave.shadows.hot, path_hits_, shadow_hits_, order_}, trace_options, traced));
+    report.pages_touched = traced.pages_touched;
+    report.pair_count = traced.pair_count;
+    report.window_count = traced.window_count;
+    report_.trace += traced;
+    report.trace_seconds = seconds_since(started);
+
+    started = Clock::now();
+    SPILLWAY_TRY(route_hits(state_.inputs.settings, {wave.paths.hot, path_hits_, &wave.paths.cold},
+                            {wave.shadows.hot, shadow_hits_, &wave.shadows.cold}, hits, *state_.film, route_scratch_,
+                            report_.route));
+    if (state_.plan.spills) order_ = {}, path_hits_ = {}, shadow_hits_ = {};
+    report.route_seconds = seconds_since(started);
+    return {};
+  }
+
+  // An epoch is over when all its camera rays were made and none of its rays is on its way.
+  void close_epochs() {
+    for (const uint32_t half : {0u, 1u}) {
+      const bool generated = camera_rays_.exhausted() || generating_half_ != half;
+      if (!schedule_.is_open(half) || !generated || live_[half] != 0) continue;
+      schedule_.close(half);
+      state_.film->set_half_samples(static_cast<int>(half), schedule_.closed_samples()[half]);
+    }
+  }
+
+  void stop_when_asked() {
+    if (report_.stopped_early) return;
+    const double limit = state_.options.time_limit_seconds;
+    const bool out_of_time = limit > 0 && seconds_since(start_) >= limit;
+    if (!out_of_time && !(state_.options.stop && state_.options.stop->load())) return;
+    schedule_.stop_early();
+    report_.stopped_early = true;
+  }
+
+  void tell_progress() {
+    if (!state_.options.on_progress) return;
+    const auto done = schedule_.closed_samples();
+    const auto target = schedule_.target_samples();
+    const double wanted = static_cast<double>(pixel_window(settings_).pixel_count()) * (target[0] + target[1]);
+    generated_total_ += report_.waves.back().generated_count;
+    state_.options.on_progress(
+        {std::min(1.0, static_cast<double>(generated_total_) / wanted), seconds_since(start_), done[0] + done[1]});
+  }
+
+  RenderState& state_;
+  RenderReport& report_;
+  const SceneSettings& settings_;
+  CameraRays camera_rays_;
+  EpochSchedule schedule_;
+  uint32_t generating_half_ = 0;
+  uint64_t generated_total_ = 0;
+  std::array<uint64_t, 2> live_ = {0, 0};  // rays of each half's epoch on their way to the next wave
+  Buffer<PathRecord> generated_{MemoryTag::paths, 1 << 14};
+  // Kept from wave to wave; a spilled wave gives back what it does not need while shading.
+  SortRaysScratch sort_scratch_;
+  Buffer<uint32_t> order_;
+  Buffer<cache::TraceHit> path_hits_, shadow_hits_;
+  cache::ExternalSort<HitRecord> hits_;
+  RouteHitsScratch route_scratch_;
+  ShadeHitsScratch shade_scratch_;
+  Clock::time_point start_;
+};
+
+std::vector<cache::Part> page_parts(const Store& store) {
+  std::vector<cache::Part> parts;
+  for (const cache::PageLocation& page : store.pages()) parts.push_back({page.offset_bytes, page.size_bytes});
+  return parts;
+}
+
+std::vector<cache::Part> attribute_parts(const Store& store) {
+  std::vector<cache::Part> parts;
+  for (const AttributeLocation& block : store.attributes()) parts.push_back({block.offset_bytes, block.size_bytes});
+  return parts;
+}
+
+cache::PartStore::Options part_options(const RenderState& state, MemoryTag tag, cache::IoPurpose purpose,
+                                       uint64_t limit) {
+  return {.tag = tag, .purpose = purpose, .memory_limit_bytes = limit,
+          .read_ahead_bytes = state.plan.read_ahead_bytes, .direct = state.options.direct_io};
+}
+
+Status open_geometry(RenderState& state) {
+  const Store& store = state.store;
+  SPILLWAY_ASSIGN(state.page_parts,
+                  cache::PartStore::open(store.trace_pages_path(), page_parts(store),
+                                         part_options(state, MemoryTag::pages, cache::IoPurpose::pages,
+                                                      state.plan.page_bytes),
+                                         cache::validate_trace_page));
+  state.pages = std::make_unique<PageViews>(*state.page_parts);
+  SPILLWAY_ASSIGN(auto attributes,
+                  cache::PartStore::open(store.attributes_path(), attribute_parts(store),
+                                         part_options(state, MemoryTag::attributes, cache::IoPurpose::attributes,
+                                                      state.plan.attribute_bytes),
+                                         cache::validate_attribute_block));
+  state.attributes = std::make_unique<AttributeStore>(std::move(attributes), store.attributes());
+  return {};
+}
+
+// A scene without images has no texture cache.
+Status open_textures(RenderState& state) {
+  const Store& store = state.store;
+  if (!store.images().empty()) {
+    SPILLWAY_ASSIGN(state.textures, cache::TextureCache::open(store.textures_path(), store.images(),
+                                                              {.memory_limit_bytes = state.plan.texture_bytes}));
+  }
+  state.evaluator = std::make_unique<TextureEvaluator>(store.textures(), state.textures.get());
+  return {};
+}
+
+Status open_scratch(RenderState& state) {
+  if (!state.plan.spills && state.options.hit_sort_bytes == 0) return {};
+  const std::filesystem::path directory = state.options.scratch_directory.empty()
+                                              ? std::filesystem::temp_directory_path()
+                                              : state.options.scratch_directory;
+  SPILLWAY_ASSIGN(state.scratch, cache::Scratch::create(directory, state.options.scratch_limit_bytes));
+  return {};
+}
+
+void connect(RenderState& state) {
+  const Store& store = state.store;
+  const SceneSettings& settings = state.options.settings;
+  ShadeInputs& in = state.inputs;
+  in.settings = {store.light_table(), settings.render.max_depth, settings.render.seed};
+  in.tables = {store.meshes(), store.materials(), state.evaluator.get()};
+  in.instances = store.page_tree().instances;
+  state.resolver = std::make_unique<MaterialResolver>(in.tables, settings.render.seed);
+  in.resolver = state.resolver.get();
+  in.wants_aovs = state.options.aov_layers;
+}
+
+void fill_report(const RenderState& state, const cache::ProcessIo& before, RenderReport& report) {
+  report.plan = state.plan;
+  report.pages = state.page_parts->counters();
+  report.attributes = state.attributes->parts().counters();
+  report.has_textures = state.textures != nullptr;
+  if (state.textures) report.textures = state.textures->counters();
+  if (state.scratch) report.scratch_peak_bytes = state.scratch->peak_bytes();
+  report.direct_io = state.options.direct_io;
+  for (int i = 0; i < cache::kIoPurposeCount; ++i) report.io[i] = cache::io_use(static_cast<cache::IoPurpose>(i));
+  const cache::ProcessIo now = cache::process_io();
+  report.process_io = {now.read_chars - before.read_chars, now.written_chars - before.written_chars,
+                       now.device_read_bytes - before.device_read_bytes,
+                       now.device_written_bytes - before.device_written_bytes};
+  for (int i = 0; i < kMemoryTagCount; ++i) report.memory[i] = memory_use(static_cast<MemoryTag>(i));
+  report.memory_total = memory_total();
+  report.resident = resident_memory();
+  report.floor_bytes = memory_floor_bytes();
+  const uint64_t known = report.memory_total.peak_bytes + report.floor_bytes;
+  report.untagged_bytes = report.resident.peak_bytes > known ? report.resident.peak_bytes - known : 0;
+  report.faults = state.film->faults();
+  report.image_hash = state.film->hash();
+}
+
+}  // namespace
+
+FilmShape film_shape(const SceneSettings& settings, bool aov_layers) {
+  FilmShape shape;
+  shape.full_width = settings.camera.resolution_x_px;
+  shape.full_height = settings.camera.resolution_y_px;
+  const PixelWindow window = pixel_window(settings);
+  shape.window = {window.x0, window.y0, window.x1, window.y1};
+  shape.layers = aov_layers ? kAllLayers : 0;
+  return shape;
+}
+
+FilmIdentity film_identity(const Store& store, const SceneSettings& settings) {
+  RenderSettings render = settings.render;
+  render.samples_per_pixel = 0;  // films of different counts are parts of one image
+  uint64_t key = checksum(&settings.camera, sizeof settings.camera);
+  key = checksum(&settings.filter, sizeof settings.filter, key);
+  key = checksum(&render, sizeof render, key);
+  key = checksum(store.lights().data(), store.lights().size_bytes(), key);
+  key = checksum(store.materials().data(), store.materials().size_bytes(), key);
+  key = checksum(store.meshes().data(), store.meshes().size_bytes(), key);
+  return {key, fmt::format("gcc {}, glibc {}.{}", __VERSION__, __GLIBC__, __GLIBC_MINOR__)};
+}
+
+PixelWindow pixel_window(const SceneSettings& settings) {
+  const FilmSettings& film = settings.film;
+  if (film.crop_x1 > film.crop_x0) return {film.crop_x0, film.crop_y0, film.crop_x1, film.crop_y1};
+  return {0, 0, settings.camera.resolution_x_px, settings.camera.resolution_y_px};
+}
+
+SceneFacts scene_facts(const Store& store, const RenderOptions& options) {
+  SceneFacts facts;
+  for (const cache::PageLocation& page : store.pages()) {
+    facts.trace_bytes += page.size_bytes;
+    facts.largest_page_bytes = std::max(facts.largest_page_bytes, page.size_bytes);
+  }
+  for (const AttributeLocation& block : store.attributes()) {
+    facts.attribute_bytes += block.size_bytes;
+    facts.largest_attribute_block_bytes = std::max<uint64_t>(facts.largest_attribute_block_bytes, block.size_bytes);
+  }
+  facts.texture_bytes = cache::TextureCache::bytes_for_all(store.images());
+  facts.image_count = store.images().size();
+  for (const MemoryTag tag : {MemoryTag::scene, MemoryTag::page_tree, MemoryTag::lights})
+    facts.table_bytes += memory_use(tag).current_bytes;  // held since the store was opened
+  facts.film_bytes = Film::bytes(film_shape(options.settings, options.aov_layers));
+  facts.pixel_count = pixel_window(options.settings).pixel_count();
+  facts.samples_per_pixel = options.settings.render.samples_per_pixel;
+  facts.max_depth = options.settings.render.max_depth;
+  return facts;
+}
+
+Result<RenderedImage> render_image(const Store& store, const RenderOptions& options) {
+  memory_reset_peaks();
+  const cache::ProcessIo io_before = cache::process_io();
+  RenderState state(store, options);
+  PlanOptions plan_options = options.plan;
+  plan_options.floor_bytes = memory_floor_bytes();
+  SPILLWAY_ASSIGN(state.plan, plan_render(scene_facts(store, options), plan_options));
+  if (options.hit_sort_bytes != 0) state.plan.hit_bytes = options.hit_sort_bytes;
+  SPILLWAY_TRY(open_scratch(state));
+  SPILLWAY_TRY(open_geometry(state));
+  SPILLWAY_TRY(open_textures(state));
+  SPILLWAY_ASSIGN(Film film, Film::create(film_shape(options.settings, options.aov_layers),
+                                          film_identity(store, options.settings)));
+  state.film = std::make_unique<Film>(std::move(film));
+  connect(state);
+
+  RenderedImage image;
+  SPILLWAY_TRY(RenderLoop(state, image.report).run());
+  fill_report(state, io_before, image.report);
+  image.film = std::move(state.film);
+  return image;
+}
+
+}  // namespace spillway::pipeline

@@ -1,0 +1,63 @@
+#pragma once
+
+// The loop: one wave after the other, each a pass over the stages. See DESIGN section 3.
+
+#include <atomic>
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "pipeline/render/film.h"
+#include "pipeline/render/generate_rays.h"
+#include "pipeline/render/plan.h"
+#include "pipeline/render/render_report.h"
+#include "pipeline/render/sort_rays.h"
+#include "pipeline/render/trace_rays.h"
+#include "pipeline/store.h"
+
+namespace spillway::pipeline {
+
+struct RenderProgress {
+  double fraction = 0;         // of the samples asked for
+  double elapsed_seconds = 0;
+  uint32_t samples_per_pixel_done = 0;
+};
+
+struct RenderOptions {
+  // Meaning: these change the image. Camera, filter, resolution, spp, depth and seed are the settings'.
+  SceneSettings settings;
+  bool aov_layers = false;           // depth, normal, albedo, ids
+
+  // Performance: these must not.
+  PlanOptions plan;                  // budget and shares
+  bool sort_rays = true;             // off: rays are traced in the order they were made (ablation)
+  uint64_t spill_block_bytes = 1 << 20;   // larger: longer requests, more buffer memory
+  uint64_t hit_sort_bytes = 0;       // limit of the hit sort; 0: planned
+  bool direct_io = false;            // bypass the page cache for pages and attributes
+  std::filesystem::path scratch_directory;  // empty: the system's temporary directory
+  uint64_t scratch_limit_bytes = 0;  // 0: what the disk has
+
+  double time_limit_seconds = 0;     // stops at the next epoch that leaves both halves whole; 0: none
+  const std::atomic<bool>* stop = nullptr;  // the same, asked for from outside (Ctrl-C)
+  std::function<void(const RenderProgress&)> on_progress;  // once a wave, on the calling thread
+};
+
+struct RenderedImage {
+  std::unique_ptr<Film> film;
+  RenderReport report;
+};
+
+// What the plan needs to know of a store and a frame.
+[[nodiscard]] SceneFacts scene_facts(const Store& store, const RenderOptions& options);
+[[nodiscard]] FilmShape film_shape(const SceneSettings& settings, bool aov_layers);
+[[nodiscard]] PixelWindow pixel_window(const SceneSettings& settings);
+// What must agree for two films to be parts of one image: the store's contents and the settings that change pixels.
+[[nodiscard]] FilmIdentity film_identity(const Store& store, const SceneSettings& settings);
+
+// Renders on the threads of the calling arena.
+Result<RenderedImage> render_image(const Store& store, const RenderOptions& options);
+
+}  // namespace spillway::pipeline

@@ -1,0 +1,180 @@
+#include "pipeline/render/render_report.h"
+
+#include <nlohmann/json.hpp>
+
+namespace spillway::pipeline {
+namespace {
+
+using nlohmann::json;
+
+// Before main, after the libraries are linked in: what no option can shed.
+const uint64_t floor_at_start = resident_memory().current_bytes;
+
+json parts_json(const cache::PartStoreCounters& c) {
+  return {{"read", c.parts_read},          {"read_again", c.parts_read_again}, {"evicted", c.parts_evicted},
+          {"bytes_read", c.bytes_read},    {"unique_bytes", c.unique_bytes},   {"wait_seconds", c.wait_seconds}};
+}
+
+json plan_json(const Plan& p) {
+  return {{"wave_paths", p.wave_paths},
+          {"spills", p.spills},
+          {"page_bytes", p.page_bytes},
+          {"attribute_bytes", p.attribute_bytes},
+          {"texture_bytes", p.texture_bytes},
+          {"memory_bytes", p.memory_bytes},
+          {"predicted_seconds", p.predicted_seconds},
+          {"predicted_waves", p.predicted_waves},
+          {"predicted_page_bytes", p.predicted_page_bytes},
+          {"predicted_spill_bytes", p.predicted_spill_bytes},
+          {"predicted_scratch_bytes", p.predicted_scratch_bytes}};
+}
+
+json wave_json(const WaveReport& w) {
+  return {{"paths", w.path_count},
+          {"shadow_rays", w.shadow_count},
+          {"generated", w.generated_count},
+          {"sort_seconds", w.sort_seconds},
+          {"trace_seconds", w.trace_seconds},
+          {"route_seconds", w.route_seconds},
+          {"shade_seconds", w.shade_seconds},
+          {"pages_touched", w.pages_touched},
+          {"pairs", w.pair_count},
+          {"windows", w.window_count},
+          {"partitions", w.partition_count},
+          {"spilled_bytes", w.spilled_bytes}};
+}
+
+json stages_json(const RenderReport& r) {
+  double sort = 0, trace = 0, route = 0, shade = 0;
+  for (const WaveReport& w : r.waves)
+    sort += w.sort_seconds, trace += w.trace_seconds, route += w.route_seconds, shade += w.shade_seconds;
+  return {{"generate_rays", {{"seconds", r.generate_seconds}}},
+          {"sort_rays", {{"seconds", sort}}},
+          {"trace_rays",
+           {{"seconds", trace},
+            {"rays", r.trace.ray_count},
+            {"pairs", r.trace.pair_count},
+            {"windows", r.trace.window_count},
+            {"pages_touched", r.trace.pages_touched},
+            {"nodes", r.trace.work.nodes},
+            {"leaves", r.trace.work.leaves}}},
+          {"route_hits",
+           {{"seconds", route},
+            {"hits", r.route.hit_count},
+            {"escaped", r.route.escaped_count},
+            {"arrived", r.route.arrived_count},
+            {"occluded", r.route.occluded_count},
+            {"alpha_shadows", r.route.alpha_shadow_count}}},
+          {"shade_hits",
+           {{"seconds", shade},
+            {"shaded", r.shade.shaded_count},
+            {"let_through", r.shade.let_through_count},
+            {"paths", r.shade.path_count},
+            {"shadow_rays", r.shade.shadow_count},
+            {"partitions", r.shade.partition_count},
+            {"attribute_blocks_touched", r.shade.attribute_blocks_touched}}}};
+}
+
+json memory_json(const RenderReport& r) {
+  json tags;
+  for (int i = 0; i < kMemoryTagCount; ++i) tags[name(static_cast<MemoryTag>(i))] = r.memory[i].peak_bytes;
+  return {{"peak_by_tag", tags},
+          {"tags_peak_bytes", r.memory_total.peak_bytes},
+          {"resident_peak_bytes", r.resident.peak_bytes},
+          {"floor_bytes", r.floor_bytes},
+          {"untagged_bytes", r.untagged_bytes}};
+}
+
+json io_json(const RenderReport& r) {
+  json purposes;
+  for (int i = 0; i < cache::kIoPurposeCount; ++i) {
+    const cache::IoUse& use = r.io[i];
+    if (use.read_count + use.write_count == 0) continue;
+    purposes[name(static_cast<cache::IoPurpose>(i))] = {
+        {"read_bytes", use.read_bytes}, {"reads", use.read_count},
+        {"written_bytes", use.written_bytes}, {"writes", use.write_count}};
+  }
+  return {{"by_purpose", purposes},
+          {"process_read_bytes", r.process_io.read_chars},
+          {"process_written_bytes", r.process_io.written_chars},
+          {"device_read_bytes", r.process_io.device_read_bytes},
+          {"device_written_bytes", r.process_io.device_written_bytes},
+          {"direct", r.direct_io}};
+}
+
+std::string stage_line(const char* stage, double seconds, double total) {
+  return fmt::format("  {:<14} {:>9.2f} s {:>5.1f} %\n", stage, seconds, total > 0 ? 100 * seconds / total : 0.0);
+}
+
+std::string parts_line(const char* what, const cache::PartStoreCounters& c) {
+  return fmt::format("  {:<14} {:>10} read, {} unique; {} reads, {} of them again; {} evicted\n", what,
+                     bytes_text(c.bytes_read), bytes_text(c.unique_bytes), c.parts_read, c.parts_read_again,
+                     c.parts_evicted);
+}
+
+}  // namespace
+
+uint64_t memory_floor_bytes() { return floor_at_start; }
+
+std::string report_json(const RenderReport& r, const std::string& scene) {
+  json waves = json::array();
+  for (const WaveReport& w : r.waves) waves.push_back(wave_json(w));
+  json report = {{"scene", scene},
+                 {"samples_per_pixel", r.samples_per_pixel},
+                 {"half_samples", r.half_samples},
+                 {"epochs", r.epoch_count},
+                 {"stopped_early", r.stopped_early},
+                 {"seconds", r.seconds},
+                 {"image_hash", r.image_hash},
+                 {"not_finite_count", r.faults.not_finite_count},
+                 {"out_of_range_count", r.faults.out_of_range_count},
+                 {"plan", plan_json(r.plan)},
+                 {"stages", stages_json(r)},
+                 {"pages", parts_json(r.pages)},
+                 {"attributes", parts_json(r.attributes)},
+                 {"spilled_bytes", r.spilled_bytes},
+                 {"scratch_peak_bytes", r.scratch_peak_bytes},
+                 {"memory", memory_json(r)},
+                 {"io", io_json(r)},
+                 {"waves", waves}};
+  if (r.has_textures)
+    report["textures"] = {{"lookups", r.textures.lookups},
+                          {"tiles_touched", r.textures.tiles_touched},
+                          {"tiles_read", r.textures.tiles_read},
+                          {"tiles_read_again", r.textures.tiles_read_again},
+                          {"bytes_read", r.textures.bytes_read},
+                          {"unique_bytes", r.textures.unique_bytes}};
+  return report.dump(1);
+}
+
+std::string report_table(const RenderReport& r) {
+  double sort = 0, trace = 0, route = 0, shade = 0;
+  for (const WaveReport& w : r.waves)
+    sort += w.sort_seconds, trace += w.trace_seconds, route += w.route_seconds, shade += w.shade_seconds;
+  std::string text = fmt::format("{} samples a pixel in {} epochs, {} waves, {:.2f} s; {:.2f} M rays/s\n",
+                                 r.samples_per_pixel, r.epoch_count, r.waves.size(), r.seconds,
+                                 r.seconds > 0 ? static_cast<double>(r.trace.ray_count) / r.seconds * 1e-6 : 0.0);
+  text += "stages\n" + stage_line("generate_rays", r.generate_seconds, r.seconds) +
+          stage_line("sort_rays", sort, r.seconds) + stage_line("trace_rays", trace, r.seconds) +
+          stage_line("route_hits", route, r.seconds) + stage_line("shade_hits", shade, r.seconds);
+  text += fmt::format("rays\n  {} traced, {} hits shaded, {} escaped, {} shadow rays arrived, {} occluded\n",
+                      r.trace.ray_count, r.shade.shaded_count, r.route.escaped_count, r.route.arrived_count,
+                      r.route.occluded_count);
+  text += "store\n" + parts_line("pages", r.pages) + parts_line("attributes", r.attributes);
+  if (r.has_textures)
+    text += fmt::format("  {:<14} {:>10} read, {} unique; {} lookups, {} tiles, {} of them again\n", "textures",
+                        bytes_text(r.textures.bytes_read), bytes_text(r.textures.unique_bytes), r.textures.lookups,
+                        r.textures.tiles_read, r.textures.tiles_read_again);
+  text += fmt::format("spilled\n  {} written, {} of scratch at most\n", bytes_text(r.spilled_bytes),
+                      bytes_text(r.scratch_peak_bytes));
+  text += "memory, peak\n";
+  for (int i = 0; i < kMemoryTagCount; ++i)
+    if (r.memory[i].peak_bytes > 0)
+      text += fmt::format("  {:<14} {:>10}\n", name(static_cast<MemoryTag>(i)), bytes_text(r.memory[i].peak_bytes));
+  text += fmt::format("  {:<14} {:>10}  (floor {}, tags {}, untagged {})\n", "resident",
+                      bytes_text(r.resident.peak_bytes), bytes_text(r.floor_bytes),
+                      bytes_text(r.memory_total.peak_bytes), bytes_text(r.untagged_bytes));
+  return text;
+}
+
+}  // namespace spillway::pipeline

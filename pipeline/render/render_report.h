@@ -1,0 +1,63 @@
+#pragma once
+
+// What a render did, from counters: for the closing table, report.json and the tests.
+
+#include <array>
+#include <cstdint>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "cache/base/memory.h"
+#include "cache/file.h"
+#include "cache/part_store.h"
+#include "cache/texture_cache.h"
+#include "pipeline/render/film.h"
+#include "pipeline/render/plan.h"
+#include "pipeline/render/route_hits.h"
+#include "pipeline/render/shade_hits.h"
+#include "pipeline/render/trace_rays.h"
+
+namespace spillway::pipeline {
+
+struct WaveReport {
+  uint64_t path_count = 0, shadow_count = 0, generated_count = 0;
+  double sort_seconds = 0, trace_seconds = 0, route_seconds = 0, shade_seconds = 0;
+  uint64_t pages_touched = 0, pair_count = 0, window_count = 0, partition_count = 0, spilled_bytes = 0;
+};
+
+struct RenderReport {
+  Plan plan;
+  std::array<uint32_t, 2> half_samples = {0, 0};
+  uint32_t samples_per_pixel = 0;
+  uint32_t epoch_count = 0;
+  bool stopped_early = false;
+  double seconds = 0, generate_seconds = 0;
+  std::vector<WaveReport> waves;
+  TraceRaysReport trace;
+  RouteHitsReport route;
+  ShadeHitsReport shade;
+  cache::PartStoreCounters pages, attributes;
+  cache::TextureCounters textures;
+  bool has_textures = false;
+  uint64_t spilled_bytes = 0, scratch_peak_bytes = 0;
+  bool direct_io = false;
+  std::array<cache::IoUse, cache::kIoPurposeCount> io{};
+  cache::ProcessIo process_io;       // during the render
+  std::array<MemoryUse, kMemoryTagCount> memory{};
+  MemoryUse memory_total;
+  ResidentMemory resident;
+  uint64_t floor_bytes = 0;          // resident when the program started
+  uint64_t untagged_bytes = 0;       // peak resident - peak of the tags - floor; 0 when negative
+  FilmFaults faults;                 // contributions that were not finite or out of range
+  std::string image_hash;
+};
+
+// Resident memory when the program began, before any table: measured once, at static initialisation.
+[[nodiscard]] uint64_t memory_floor_bytes();
+
+[[nodiscard]] std::string report_json(const RenderReport& report, const std::string& scene);
+// The closing table.
+[[nodiscard]] std::string report_table(const RenderReport& report);
+
+}  // namespace spillway::pipeline

@@ -1,0 +1,117 @@
+#include "pipeline/render/route_hits.h"
+
+#include <algorithm>
+#include <array>
+
+#include "cache/base/parallel.h"
+
+namespace spillway::pipeline {
+namespace {
+
+constexpr size_t kBatchRecords = RouteHitsScratch::kBatchRecords;
+constexpr size_t kBlockRecords = 1024;
+
+// What one block of rays turned into, written to the scratch from `first` on.
+struct RoutedBlock {
+  size_t first = 0;
+  uint32_t hit_count = 0, splat_count = 0, occluded_count = 0, alpha_shadow_count = 0;
+
+  void emit(const HitRecord& record, RouteHitsScratch& scratch) {
+    scratch.hits[first + hit_count] = record;
+    scratch.keys[first + hit_count++] = hit_key(record);
+  }
+  void emit(const SplatRecord& splat, RouteHitsScratch& scratch) { scratch.splats[first + splat_count++] = splat; }
+};
+
+// Interleaves the bits of two 8-bit numbers.
+uint32_t morton16(uint32_t x, uint32_t y) {
+  const auto spread = [](uint32_t v) {
+    v = (v | (v << 4)) & 0x0f0f;
+    v = (v | (v << 2)) & 0x3333;
+    return (v | (v << 1)) & 0x5555;
+  };
+  return spread(x) | (spread(y) << 1);
+}
+
+uint32_t unit_to_byte(float x) { return static_cast<uint32_t>(std::clamp(x, 0.0f, 1.0f) * 255.0f); }
+
+// The record of a shadow ray that a surface of unknown opacity stopped for now.
+HitRecord shadow_hit(const cache::TraceRay& ray, const cache::TraceHit& hit, const ShadowRecord& shadow) {
+  HitRecord record{hit, ray.direction_world, ray.t_max, {}, 1};
+  record.path.sink = shadow.sink, record.path.sample = shadow.sample;
+  record.path.bounce = shadow.bounce, record.path.throughput = shadow.contribution;
+  return record;
+}
+
+// Reads the cold records batch by batch, routes the blocks of a batch in parallel, appends their hits in block order.
+template <class Record, class RouteOne>
+Status route_all(const cache::RecordStream<Record>& records, Buffer<Record>& cold, size_t count,
+                 cache::ExternalSort<HitRecord>& sort, Film& film, RouteHitsScratch& scratch, RouteHitsReport& report,
+                 const RouteOne& route_one) {
+  std::array<RoutedBlock, kBatchRecords / kBlockRecords> blocks;
+  for (size_t start = 0; start < count; start += kBatchRecords) {
+    const size_t in_batch = std::min(kBatchRecords, count - start);
+    SPILLWAY_TRY(records.read(start, {cold.data(), in_batch}));
+    parallel_blocks(in_batch, kBlockRecords, [&](size_t b, size_t first, size_t last) {
+      RoutedBlock out{first};
+      for (size_t i = first; i < last; ++i) route_one(start + i, cold[i], out);
+      film.add({scratch.splats.data() + first, out.splat_count});
+      blocks[b] = out;
+    });
+    std::array<cache::SortSpan, kBatchRecords / kBlockRecords> pieces;
+    const size_t block_total = block_count(in_batch, kBlockRecords);
+    for (size_t b = 0; b < block_total; ++b) {
+      const RoutedBlock& out = blocks[b];
+      pieces[b] = {scratch.keys.data() + out.first, scratch.hits.data() + out.first, out.hit_count};
+      report.hit_count += out.hit_count, report.occluded_count += out.occluded_count;
+      report.alpha_shadow_count += out.alpha_shadow_count;
+    }
+    SPILLWAY_TRY(sort.append(std::span(pieces).first(block_total)));
+  }
+  return {};
+}
+
+}  // namespace
+
+cache::SortKey hit_key(const HitRecord& hit) {
+  const uint32_t place = morton16(unit_to_byte(hit.hit.u), unit_to_byte(hit.hit.v));
+  const uint32_t event = hit.is_shadow ? shadow_event(hit.path.bounce) : emission_event(hit.path.bounce);
+  return {uint64_t{hit.hit.prim} << 32 | place << 16 | (event & 0xffff),
+          uint64_t{hit.path.sink} << 32 | hit.path.sample};
+}
+
+Status route_hits(const PathSettings& settings, const TracedPaths& paths, const TracedShadows& shadows,
+                  cache::ExternalSort<HitRecord>& hits, Film& film, RouteHitsScratch& scratch,
+                  RouteHitsReport& report) {
+  const bool has_outside_light = shading::has_infinite_light(settings.lights);
+  const auto route_path = [&](size_t i, const PathRecord& path, RoutedBlock& out) {
+    const cache::TraceRay& ray = paths.rays[i];
+    const cache::TraceHit& hit = paths.hits[i];
+    if (hit.prim != PrimId::kNone) {
+      out.emit(HitRecord{hit, ray.direction_world, ray.t_max, path, 0}, scratch);
+    } else if (has_outside_light) {
+      out.emit(escaped_splat(settings, path, ray.direction_world), scratch);
+    }
+  };
+  const auto route_shadow = [&](size_t i, const ShadowRecord& shadow, RoutedBlock& out) {
+    const cache::TraceHit& hit = shadows.hits[i];
+    if (hit.flags & cache::kHitOccluded) {
+      ++out.occluded_count;
+    } else if (hit.prim != PrimId::kNone) {
+      ++out.alpha_shadow_count;
+      out.emit(shadow_hit(shadows.rays[i], hit, shadow), scratch);
+    } else {
+      out.emit(SplatRecord{shadow.sink, shadow.sample, shadow_event(shadow.bounce), shadow.contribution}, scratch);
+    }
+  };
+  const uint64_t hits_before = report.hit_count;
+  SPILLWAY_TRY(route_all(*paths.records, scratch.paths, paths.rays.size(), hits, film, scratch, report, route_path));
+  report.escaped_count += paths.rays.size() - (report.hit_count - hits_before);
+  const uint64_t stopped_before = report.occluded_count + report.alpha_shadow_count;
+  SPILLWAY_TRY(
+      route_all(*shadows.records, scratch.shadows, shadows.rays.size(), hits, film, scratch, report, route_shadow));
+  report.arrived_count += shadows.rays.size() - (report.occluded_count + report.alpha_shadow_count - stopped_before);
+  return {};
+}
+
+}  // namespace spillway::pipeline

@@ -1,0 +1,55 @@
+#pragma once
+
+// Stage route_hits: sends what trace_rays found on its way.
+//
+// In: hot columns and results of a wave, in memory; cold columns, read front to back once.
+// Out: surfaces to be shaded -> the hit sort, keyed by (material, mesh, face, place on the face, path); light from
+//      outside the scene and shadow rays that arrived -> film.
+// Memory: one batch of records (RouteHitsScratch, tag paths). What does not fit of the hits is spilled by the sort.
+// Order: records are appended in the order of the rays; film adds are integers, so their order does not matter.
+// Based on: deferred shading sorted by shading context (Eisenacher et al. 2013, section 4).
+
+#include <cstdint>
+#include <span>
+
+#include "cache/external_sort.h"
+#include "cache/record_stream.h"
+#include "pipeline/records.h"
+#include "pipeline/render/film.h"
+#include "pipeline/render/shade_path.h"
+
+namespace spillway::pipeline {
+
+struct TracedPaths {
+  std::span<const cache::TraceRay> rays;
+  std::span<const cache::TraceHit> hits;
+  const cache::RecordStream<PathRecord>* records;
+};
+
+struct TracedShadows {
+  std::span<const cache::TraceRay> rays;
+  std::span<const cache::TraceHit> hits;
+  const cache::RecordStream<ShadowRecord>* records;
+};
+
+struct RouteHitsReport {
+  uint64_t hit_count = 0, escaped_count = 0, arrived_count = 0, occluded_count = 0, alpha_shadow_count = 0;
+};
+
+// Reused from wave to wave. Blocks of rays write from their own first index on.
+struct RouteHitsScratch {
+  static constexpr size_t kBatchRecords = 1 << 14;
+  Buffer<PathRecord> paths{MemoryTag::paths, kBatchRecords};
+  Buffer<ShadowRecord> shadows{MemoryTag::paths, kBatchRecords};
+  Buffer<HitRecord> hits{MemoryTag::paths, kBatchRecords};
+  Buffer<cache::SortKey> keys{MemoryTag::paths, kBatchRecords};
+  Buffer<SplatRecord> splats{MemoryTag::paths, kBatchRecords};
+};
+
+// Hits by (prim: material-major, place on the face), then by the ray, which makes keys unique.
+[[nodiscard]] cache::SortKey hit_key(const HitRecord& hit);
+
+Status route_hits(const PathSettings& settings, const TracedPaths& paths, const TracedShadows& shadows,
+                  cache::ExternalSort<HitRecord>& hits, Film& film, RouteHitsScratch& scratch, RouteHitsReport& report);
+
+}  // namespace spillway::pipeline

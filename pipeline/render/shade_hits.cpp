@@ -1,0 +1,225 @@
+#include "pipeline/render/shade_hits.h"
+
+#include <tbb/enumerable_thread_specific.h>
+
+#include <algorithm>
+#include <array>
+#include <mutex>
+#include <vector>
+
+#include "cache/base/check.h"
+#include "cache/base/parallel.h"
+
+namespace spillway::pipeline {
+namespace {
+
+constexpr size_t kBatchHits = ShadeHitsScratch::kBatchHits;
+constexpr size_t kBlockHits = ShadeHitsScratch::kBlockHits;
+
+// What one thread needs to shade a block.
+struct BlockScratch {
+  std::array<ShadingPoint, kBlockHits> points;
+  std::array<SurfaceQuery, kBlockHits> queries;
+  std::vector<SplatRecord> splats;
+  std::vector<AovRecord> aovs;
+  MaterialResolver::Scratch resolver;
+};
+
+// What one block of hits turned into, in the batch scratch from `first` on.
+struct ShadedBlock {
+  size_t first = 0;
+  uint32_t path_count = 0, shadow_count = 0, let_through_count = 0;
+  uint32_t rays_of_half[2] = {0, 0};
+
+  // The place of one more ray of the kind, counted for its epoch.
+  size_t next_path(uint32_t sample) {
+    ++rays_of_half[sample & 1];
+    return first + path_count++;
+  }
+  size_t next_shadow(uint32_t sample) {
+    ++rays_of_half[sample & 1];
+    return first + shadow_count++;
+  }
+};
+
+class Shader {
+ public:
+  Shader(const ShadeInputs& inputs, AttributeStore& attributes, Film& film, ShadeHitsScratch& out)
+      : inputs_(inputs), attributes_(attributes), film_(film), out_(out) {}
+
+  // bytes: the attribute block that holds all of these hits; empty: each hit's block is resident.
+  Status shade_batch(std::span<const HitRecord> hits, std::span<const std::byte> bytes, RayColumns<PathRecord>& paths,
+                     RayColumns<ShadowRecord>& shadows, ShadeHitsReport& report) {
+    std::array<ShadedBlock, kBatchHits / kBlockHits> blocks;
+    parallel_blocks(hits.size(), kBlockHits, [&](size_t b, size_t first, size_t last) {
+      blocks[b] = ShadedBlock{first};
+      shade_block(hits.subspan(first, last - first), bytes, blocks[b]);
+    });
+    if (!failure_) return failure_.error();
+    const std::span<const ShadedBlock> done = std::span(blocks).first(block_count(hits.size(), kBlockHits));
+    SPILLWAY_TRY(append(out_.path_rays, out_.paths, done, &ShadedBlock::path_count, paths));
+    SPILLWAY_TRY(append(out_.shadow_rays, out_.shadows, done, &ShadedBlock::shadow_count, shadows));
+    for (const ShadedBlock& block : done) {
+      report.path_count += block.path_count, report.shadow_count += block.shadow_count;
+      report.let_through_count += block.let_through_count;
+      report.rays_of_half[0] += block.rays_of_half[0], report.rays_of_half[1] += block.rays_of_half[1];
+    }
+    report.shaded_count += hits.size();
+    return {};
+  }
+
+ private:
+  // Blocks in order, each copied by whichever thread is free.
+  template <class Record>
+  static Status append(const Buffer<cache::TraceRay>& rays, const Buffer<Record>& records,
+                       std::span<const ShadedBlock> blocks, uint32_t ShadedBlock::*count, RayColumns<Record>& to) {
+    std::array<cache::RecordSpan, kBatchHits / kBlockHits> pieces;
+    std::array<size_t, kBatchHits / kBlockHits> places;
+    size_t end = to.hot.size();
+    for (size_t b = 0; b < blocks.size(); ++b) {
+      places[b] = std::exchange(end, end + blocks[b].*count);
+      pieces[b] = {records.data() + blocks[b].first, blocks[b].*count};
+    }
+    SPILLWAY_CHECK(end, <=, to.hot.capacity());
+    to.hot.set_size(end);
+    parallel_blocks(blocks.size(), 8, [&](size_t, size_t first, size_t last) {
+      for (size_t b = first; b < last; ++b)
+        std::copy_n(rays.data() + blocks[b].first, blocks[b].*count, to.hot.data() + places[b]);
+    });
+    return to.cold.append(std::span<const cache::RecordSpan>(pieces).first(blocks.size()));
+  }
+
+  void gather(std::span<const HitRecord> hits, std::span<const std::byte> bytes, BlockScratch& scratch) {
+    uint64_t end_prim = 0;  // of the resident block in `bytes`, when there is none given
+    for (size_t i = 0; i < hits.size(); ++i) {
+      const HitRecord& hit = hits[i];
+      if (hit.hit.prim >= end_prim) {
+        const uint32_t block = attributes_.block_of(hit.hit.prim);
+        end_prim = attributes_.end_prim(block);
+        if (const auto resident = attributes_.resident(block); !resident.empty()) bytes = resident;
+      }
+      const cache::TriangleAttributes triangle = cache::triangle_attributes(bytes, PrimId{hit.hit.prim});
+      InstanceTransform transform;
+      if (hit.hit.instance != 0) {
+        const cache::Instance& instance = inputs_.instances[hit.hit.instance];
+        transform = {&instance.world_from_object, &instance.object_from_world};
+      }
+      const uint32_t mesh = triangle.mesh.value;
+      const bool flip = inputs_.tables.meshes[mesh].flags & kMeshFlipNormals;
+      scratch.points[i] = shading_point(triangle, hit, transform, flip);
+      scratch.queries[i] = SurfaceQuery{&hit, &scratch.points[i], mesh, true, 0, {}};
+    }
+  }
+
+  void let_through(const SurfaceQuery& q, ShadedBlock& out) {
+    ++out.let_through_count;
+    const HitRecord& hit = *q.hit;
+    if (hit.is_shadow) {
+      const size_t at = out.next_shadow(hit.path.sample);
+      out_.shadow_rays[at] = ray_beyond(hit, *q.point);
+      out_.shadows[at] = {hit.path.sink, hit.path.sample, hit.path.bounce, hit.path.throughput};
+      return;
+    }
+    const size_t at = out.next_path(hit.path.sample);
+    out_.path_rays[at] = ray_beyond(hit, *q.point);
+    out_.paths[at] = hit.path;
+    out_.paths[at].cone_width = q.point->width_world;
+  }
+
+  void shade_one(const SurfaceQuery& q, BlockScratch& scratch, ShadedBlock& out) {
+    if (!q.stopped) return let_through(q, out);
+    if (q.hit->is_shadow) return;
+    const ShadedVertex vertex = shade_vertex(inputs_.settings, *q.hit, *q.point, q.values);
+    if (vertex.has_splat) scratch.splats.push_back(vertex.splat);
+    if (vertex.has_path) {
+      const size_t at = out.next_path(q.hit->path.sample);
+      out_.path_rays[at] = vertex.path_ray, out_.paths[at] = vertex.path;
+    }
+    if (vertex.has_shadow) {
+      const size_t at = out.next_shadow(q.hit->path.sample);
+      out_.shadow_rays[at] = vertex.shadow_ray, out_.shadows[at] = vertex.shadow;
+    }
+    if (inputs_.wants_aovs && q.hit->path.bounce == 0) scratch.aovs.push_back(first_hit_aovs(q));
+  }
+
+  void shade_block(std::span<const HitRecord> hits, std::span<const std::byte> bytes, ShadedBlock& out) {
+    BlockScratch& scratch = scratches_.local();
+    scratch.splats.clear(), scratch.aovs.clear();
+    gather(hits, bytes, scratch);
+    const std::span queries(scratch.queries.data(), hits.size());
+    if (const Status status = inputs_.resolver->resolve(queries, scratch.resolver); !status) return fail(status);
+    for (const SurfaceQuery& q : queries) shade_one(q, scratch, out);
+    film_.add(scratch.splats);
+    film_.add_aovs(scratch.aovs);
+  }
+
+  void fail(const Status& status) {
+    const std::lock_guard lock(failure_mutex_);
+    if (failure_) failure_ = status;
+  }
+
+  const ShadeInputs& inputs_;
+  AttributeStore& attributes_;
+  Film& film_;
+  ShadeHitsScratch& out_;
+  tbb::enumerable_thread_specific<BlockScratch> scratches_;
+  std::mutex failure_mutex_;
+  Status failure_;
+};
+
+// The attribute blocks that these sorted hits need, ascending.
+std::vector<uint32_t> blocks_touched(std::span<const HitRecord> hits, const AttributeStore& attributes) {
+  std::vector<uint32_t> blocks;
+  for (size_t i = 0; i < hits.size();) {
+    const uint32_t block = attributes.block_of(hits[i].hit.prim);
+    blocks.push_back(block);
+    const uint64_t end = attributes.end_prim(block);
+    i = std::partition_point(hits.begin() + i, hits.end(), [&](const HitRecord& h) { return h.hit.prim < end; }) -
+        hits.begin();
+  }
+  return blocks;
+}
+
+}  // namespace
+
+AovRecord first_hit_aovs(const SurfaceQuery& q) {
+  const Float3 w_prev = q.hit->direction_world * -1.0f;
+  const shading::Frame frame = shading::frame_from_z(q.values.normal_shading);
+  const Rgb albedo = shading::albedo_estimate(q.values.bsdf, frame.local_from_world(w_prev));
+  return {q.hit->path.sink, q.hit->path.sample,           q.hit->hit.t,          q.values.normal_shading,
+          albedo,           q.mesh,                       q.material,            q.hit->hit.instance};
+}
+
+Status shade_hits(const ShadeInputs& inputs, cache::ExternalSort<HitRecord>& hits, AttributeStore& attributes,
+                  Film& film, RayColumns<PathRecord>& next_paths, RayColumns<ShadowRecord>& next_shadows,
+                  ShadeHitsScratch& scratch, ShadeHitsReport& report) {
+  Shader shader(inputs, attributes, film, scratch);
+  const auto shade_range = [&](std::span<const HitRecord> range, std::span<const std::byte> bytes) -> Status {
+    for (size_t first = 0; first < range.size(); first += kBatchHits)
+      SPILLWAY_TRY(shader.shade_batch(range.subspan(first, std::min(kBatchHits, range.size() - first)), bytes,
+                                      next_paths, next_shadows, report));
+    return {};
+  };
+  for (size_t p = 0; p < hits.partition_count(); ++p) {
+    SPILLWAY_ASSIGN(const std::span<const HitRecord> partition, hits.partition(p));
+    ++report.partition_count;
+    if (attributes.parts().all_resident()) {
+      SPILLWAY_TRY(shade_range(partition, {}));
+      continue;
+    }
+    const std::vector<uint32_t> blocks = blocks_touched(partition, attributes);
+    report.attribute_blocks_touched += blocks.size();
+    size_t first = 0;
+    SPILLWAY_TRY(attributes.parts().sweep(blocks, [&](uint32_t block, std::span<const std::byte> bytes) -> Status {
+      const uint64_t end = attributes.end_prim(block);
+      size_t last = first;
+      while (last < partition.size() && partition[last].hit.prim < end) ++last;
+      const auto range = partition.subspan(first, last - first);
+      first = last;
+      return shade_range(range, bytes);
+    }));
+  }
+  return {};
+}
+
+}  // namespace spillway::pipeline

@@ -1,0 +1,64 @@
+#pragma once
+
+// Stage shade_hits: surfaces in the order of (material, mesh, face) become rays of the next wave and light on the film.
+//
+// In: sorted hits, partition by partition; attribute blocks, read in file order, each once a wave.
+// Out: path and shadow rays of the next wave, hot and cold columns; splats and AOVs -> film.
+// Memory: one batch of outputs (ShadeHitsScratch, tag paths); the next wave's columns spill as planned.
+// Order: outputs are appended in the order of hits; a vertex depends on its own records alone.
+// Based on: deferred, sorted shading (Eisenacher et al. 2013, section 4).
+
+#include <array>
+#include <cstdint>
+
+#include "cache/external_sort.h"
+#include "cache/record_stream.h"
+#include "cache/trace_page.h"
+#include "pipeline/records.h"
+#include "pipeline/render/attribute_store.h"
+#include "pipeline/render/film.h"
+#include "pipeline/render/resolve_material.h"
+#include "pipeline/render/shade_path.h"
+
+namespace spillway::pipeline {
+
+// Rays of one kind: hot in memory, cold in a stream that may spill. hot.size() == cold.size().
+template <class Record>
+struct RayColumns {
+  Buffer<cache::TraceRay> hot;
+  cache::RecordStream<Record> cold;
+};
+
+struct ShadeInputs {
+  PathSettings settings;
+  MaterialTables tables;
+  std::span<const cache::Instance> instances;
+  const MaterialResolver* resolver = nullptr;
+  bool wants_aovs = false;
+};
+
+// Reused from wave to wave.
+struct ShadeHitsScratch {
+  static constexpr size_t kBatchHits = 1 << 14;
+  static constexpr size_t kBlockHits = 256;
+  Buffer<cache::TraceRay> path_rays{MemoryTag::paths, kBatchHits};
+  Buffer<PathRecord> paths{MemoryTag::paths, kBatchHits};
+  Buffer<cache::TraceRay> shadow_rays{MemoryTag::paths, kBatchHits};
+  Buffer<ShadowRecord> shadows{MemoryTag::paths, kBatchHits};
+};
+
+struct ShadeHitsReport {
+  uint64_t shaded_count = 0, let_through_count = 0, path_count = 0, shadow_count = 0;
+  uint64_t partition_count = 0, attribute_blocks_touched = 0;
+  std::array<uint64_t, 2> rays_of_half = {0, 0};  // sent on, of both kinds: what keeps an epoch open
+};
+
+// What the film's AOV layers hold of a camera ray's first surface (alpha it passes does not count).
+[[nodiscard]] AovRecord first_hit_aovs(const SurfaceQuery& q);
+
+// Shades every hit of the sort. The hot buffers of the outputs have room for all (capacity checked by the caller).
+Status shade_hits(const ShadeInputs& inputs, cache::ExternalSort<HitRecord>& hits, AttributeStore& attributes,
+                  Film& film, RayColumns<PathRecord>& next_paths, RayColumns<ShadowRecord>& next_shadows,
+                  ShadeHitsScratch& scratch, ShadeHitsReport& report);
+
+}  // namespace spillway::pipeline

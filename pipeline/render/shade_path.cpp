@@ -1,0 +1,208 @@
+#include "pipeline/render/shade_path.h"
+
+#include <cmath>
+
+namespace spillway::pipeline {
+namespace {
+
+// Roulette starts where pbrt-v4's does; beyond kRouletteCapBounce even a lossless path ends, with the stated chance.
+constexpr uint32_t kRouletteFirstBounce = 2;
+constexpr uint32_t kRouletteCapBounce = 16;
+constexpr float kRouletteSurvivalCap = 0.97f;
+
+// Triangles thinner than this in uv (double area) give no derivatives.
+constexpr float kDegenerateUv = 1e-20f;
+
+Float3 interpolate(const Float3 p[3], float u, float v) { return p[0] * (1 - u - v) + p[1] * u + p[2] * v; }
+
+struct Parametrisation {
+  Float3 dpdu{0, 0, 0}, dpdv{0, 0, 0};
+  float uv_per_world = 0;  // square root of the ratio of areas
+};
+
+Parametrisation parametrisation(const Float3 p[3], const Float2 uv[3]) {
+  const Float3 e1 = p[1] - p[0], e2 = p[2] - p[0];
+  const Float2 d1 = uv[1] - uv[0], d2 = uv[2] - uv[0];
+  const float determinant = d1.x * d2.y - d1.y * d2.x;
+  const float area = length(cross(e1, e2));
+  if (!(std::fabs(determinant) > kDegenerateUv) || !(area > 0)) return {};
+  const float inverse = 1 / determinant;
+  return {(e1 * d2.y - e2 * d1.y) * inverse, (e2 * d1.x - e1 * d2.x) * inverse,
+          std::sqrt(std::fabs(determinant) / area)};
+}
+
+// The interpolated normal, unless it is degenerate; on the side of the geometric one.
+Float3 shading_normal(const cache::TriangleAttributes& triangle, const HitRecord& hit,
+                      const InstanceTransform& instance, Float3 normal_geometric) {
+  if (!triangle.has_normals) return normal_geometric;
+  Float3 n = interpolate(triangle.normal_object, hit.hit.u, hit.hit.v);
+  if (instance.object_from_world != nullptr) n = instance.object_from_world->transposed_vector(n);
+  const float squared = length_squared(n);
+  if (!(squared > 0) || !std::isfinite(squared)) return normal_geometric;
+  n = n * (1 / std::sqrt(squared));
+  return dot(n, normal_geometric) < 0 ? -n : n;
+}
+
+struct Corners {
+  Float3 p[3];
+};
+
+Corners corners_world(const cache::TriangleAttributes& triangle, const InstanceTransform& instance) {
+  Corners corners;
+  for (int i = 0; i < 3; ++i) {
+    corners.p[i] = triangle.position_object[i];
+    if (instance.world_from_object != nullptr) corners.p[i] = instance.world_from_object->point(corners.p[i]);
+  }
+  return corners;
+}
+
+bool mirrors(const Affine3& a) {
+  return dot(cross({a.m[0][0], a.m[0][1], a.m[0][2]}, {a.m[1][0], a.m[1][1], a.m[1][2]}),
+             {a.m[2][0], a.m[2][1], a.m[2][2]}) < 0;
+}
+
+}  // namespace
+
+ShadingPoint shading_point(const cache::TriangleAttributes& triangle, const HitRecord& hit,
+                           const InstanceTransform& instance, bool flip_normals) {
+  const Corners corners = corners_world(triangle, instance);
+  ShadingPoint point;
+  point.position = interpolate(corners.p, hit.hit.u, hit.hit.v);
+  Float3 n = normalize(cross(corners.p[1] - corners.p[0], corners.p[2] - corners.p[0]));
+  const bool mirrored = instance.world_from_object != nullptr && mirrors(*instance.world_from_object);
+  if (flip_normals != mirrored) n = -n;
+  point.normal_geometric = n;
+  point.normal_shading = shading_normal(triangle, hit, instance, n);
+  static constexpr Float2 kDefaultUv[3] = {{0, 0}, {1, 0}, {1, 1}};  // pbrt-v4, Triangle without uv
+  const Float2* uv = triangle.has_uvs ? triangle.uv : kDefaultUv;
+  const Parametrisation map = parametrisation(corners.p, uv);
+  point.dpdu = map.dpdu, point.dpdv = map.dpdv;
+  point.uv = uv[0] * (1 - hit.hit.u - hit.hit.v) + uv[1] * hit.hit.u + uv[2] * hit.hit.v;
+  const float distance = hit.hit.t * length(hit.direction_world);
+  point.width_world = hit.path.cone_width + hit.path.cone_spread * distance;
+  point.width_uv = point.width_world * map.uv_per_world;
+  return point;
+}
+
+namespace {
+
+// The part of an emitter's light that BSDF sampling is credited with.
+bool emission_splat(const PathSettings& settings, const HitRecord& hit, const ShadingPoint& point, uint32_t light,
+                    SplatRecord& splat) {
+  const shading::Light& emitter = settings.lights.lights[light];
+  const Rgb radiance = shading::triangle_radiance(emitter, hit.direction_world);
+  if (is_black(radiance)) return false;
+  float weight = 1;
+  if (hit.path.pdf_previous > 0) {
+    const float pdf_light =
+        shading::triangle_pdf_solid_angle(settings.lights, light, hit.path.position_previous, point.position);
+    weight = shading::power_heuristic(hit.path.pdf_previous, pdf_light);
+  }
+  splat = {hit.path.sink, hit.path.sample, emission_event(hit.path.bounce), hit.path.throughput * radiance * weight};
+  return true;
+}
+
+// A ray from the point to where the light was sampled, short of the light itself.
+cache::TraceRay shadow_ray(const ShadingPoint& point, const shading::LightSample& sample) {
+  const Float3 origin = shading::ray_origin(point.position, point.normal_geometric, sample.w_next_world);
+  if (!std::isfinite(sample.distance)) return {origin, INFINITY, sample.w_next_world, 0};
+  const Float3 to_light = sample.point_world - origin;
+  // The light's own surface lies at 1, give or take the rounding of coordinates of this size.
+  const float margin = 64 * 0x1p-24f * (1 + max_abs(sample.point_world) / sample.distance);
+  return {origin, 1 - margin, to_light, 0};
+}
+
+void next_event(const PathSettings& settings, const HitRecord& hit, const ShadingPoint& point,
+                const SurfaceValues& surface, const shading::Frame& frame, Float3 w_prev_local, ShadedVertex& out) {
+  if (settings.lights.lights.empty() || !shading::has_continuous_lobe(surface.bsdf)) return;
+  const shading::SampleKey key = sample_key(hit.path, settings.seed);
+  const Float2 u = shading::sample_2d(key, shading::bounce_slot(hit.path.bounce, shading::kBounceLight));
+  const Float2 select = shading::sample_2d(key, shading::bounce_slot(hit.path.bounce, shading::kBounceLightSelect));
+  const shading::LightSample light = shading::sample_light(settings.lights, point.position, select.x, u);
+  if (!(light.pdf_solid_angle > 0) || is_black(light.radiance)) return;
+  const shading::BsdfValue f =
+      shading::evaluate_bsdf(surface.bsdf, w_prev_local, frame.local_from_world(light.w_next_world));
+  if (is_black(f.f_cos)) return;
+  const float weight = light.is_delta ? 1 : shading::power_heuristic(light.pdf_solid_angle, f.pdf_solid_angle);
+  const Rgb contribution = hit.path.throughput * f.f_cos * light.radiance * (weight / light.pdf_solid_angle);
+  if (is_black(contribution)) return;
+  out.shadow_ray = shadow_ray(point, light);
+  if (!(out.shadow_ray.t_max > 0)) return;
+  out.shadow = {hit.path.sink, hit.path.sample, hit.path.bounce, contribution};
+  out.has_shadow = true;
+}
+
+// Ends the path with a chance that grows as it carries less; survivors carry more.
+bool survives_roulette(PathRecord& path, float u) {
+  if (path.bounce < kRouletteFirstBounce) return true;
+  const Rgb t = path.throughput;
+  const float carried = std::max({std::fabs(t.r), std::fabs(t.g), std::fabs(t.b)}) * path.eta_scale;
+  const float cap = path.bounce < kRouletteCapBounce ? 1.0f : kRouletteSurvivalCap;
+  const float survival = std::min(carried, cap);
+  if (u >= survival) return false;
+  path.throughput = path.throughput * (1 / survival);
+  return true;
+}
+
+void next_direction(const PathSettings& settings, const HitRecord& hit, const ShadingPoint& point,
+                    const SurfaceValues& surface, const shading::Frame& frame, Float3 w_prev_local, ShadedVertex& out) {
+  const shading::SampleKey key = sample_key(hit.path, settings.seed);
+  const Float2 u = shading::sample_2d(key, shading::bounce_slot(hit.path.bounce, shading::kBounceBsdf));
+  const Float2 choose =
+      shading::sample_2d(key, shading::bounce_slot(hit.path.bounce, shading::kBounceLobeAndRoulette));
+  const shading::BsdfSample sample = shading::sample_bsdf(surface.bsdf, w_prev_local, u, choose.x);
+  if (is_black(sample.weight)) return;
+  PathRecord path = hit.path;
+  path.bounce += 1;
+  path.throughput *= sample.weight;
+  path.eta_scale *= sample.eta_scale;
+  if (!survives_roulette(path, choose.y)) return;
+  path.pdf_previous = sample.is_delta ? 0 : sample.pdf_solid_angle;
+  path.position_previous = point.position;
+  path.cone_width = point.width_world;
+  // A broad lobe spreads the cone: half the angle whose solid angle is 1/pdf (Akenine-Moeller et al. 2021, section 4).
+  if (!sample.is_delta) path.cone_spread = std::max(path.cone_spread, 0.5f / std::sqrt(std::max(1.0f, sample.pdf_solid_angle)));
+  const Float3 w_next = frame.world_from_local(sample.w_next_local);
+  out.path_ray = {shading::ray_origin(point.position, point.normal_geometric, w_next), INFINITY, w_next, 0};
+  out.path = path;
+  out.has_path = true;
+}
+
+}  // namespace
+
+ShadedVertex shade_vertex(const PathSettings& settings, const HitRecord& hit, const ShadingPoint& point,
+                          const SurfaceValues& surface) {
+  ShadedVertex out;
+  if (surface.light != LightId::kNone) out.has_splat = emission_splat(settings, hit, point, surface.light, out.splat);
+  if (hit.path.bounce >= settings.max_depth) return out;
+  const shading::Frame frame = shading::frame_from_z_and_tangent(surface.normal_shading, point.dpdu);
+  const Float3 w_prev_local = frame.local_from_world(-hit.direction_world);
+  if (w_prev_local.z == 0) return out;
+  next_event(settings, hit, point, surface, frame, w_prev_local, out);
+  next_direction(settings, hit, point, surface, frame, w_prev_local, out);
+  return out;
+}
+
+SplatRecord escaped_splat(const PathSettings& settings, const PathRecord& path, Float3 direction_world) {
+  const Rgb radiance = shading::infinite_radiance(settings.lights, direction_world);
+  float weight = 1;
+  if (path.pdf_previous > 0)
+    weight = shading::power_heuristic(path.pdf_previous,
+                                      shading::infinite_pdf_solid_angle(settings.lights, direction_world));
+  return {path.sink, path.sample, emission_event(path.bounce), path.throughput * radiance * weight};
+}
+
+bool stopped_by_alpha(const HitRecord& hit, uint32_t seed, float alpha) {
+  if (alpha >= 1) return true;
+  if (alpha <= 0) return false;
+  const uint32_t event = hit.is_shadow ? shadow_event(hit.path.bounce) : emission_event(hit.path.bounce);
+  return shading::hashed_1d(sample_key(hit.path, seed), shading::SampleStream::decisions, hit.hit.instance,
+                            hit.hit.prim, event) < alpha;
+}
+
+cache::TraceRay ray_beyond(const HitRecord& hit, const ShadingPoint& point) {
+  const Float3 origin = shading::ray_origin(point.position, point.normal_geometric, hit.direction_world);
+  return {origin, hit.t_max - hit.hit.t, hit.direction_world, 0};
+}
+
+}  // namespace spillway::pipeline

@@ -1,0 +1,83 @@
+#pragma once
+
+// One vertex of a path, from numbers to numbers: shared, word for word, by the streamed stages and by the depth-first
+// reference integrator, so that their images agree bit for bit.
+
+#include <cstdint>
+
+#include "cache/attribute_block.h"
+#include "pipeline/records.h"
+#include "pipeline/scene.h"
+#include "shading/bsdf.h"
+#include "shading/frame.h"
+#include "shading/light.h"
+#include "shading/sampler.h"
+
+namespace spillway::pipeline {
+
+// A hit with its geometry, in world space.
+struct ShadingPoint {
+  Float3 position;
+  Float3 normal_geometric;  // unit; the side that an area light of this mesh emits to
+  Float3 normal_shading;    // unit, on the side of normal_geometric
+  Float3 dpdu;              // in world units per uv unit; zero without a usable parametrisation
+  Float3 dpdv;
+  Float2 uv;
+  float width_world;        // footprint of the path's cone on a surface that faces it
+  float width_uv;           // the same in uv units
+};
+
+// Transforms of the instance that was hit; null: the world itself.
+struct InstanceTransform {
+  const Affine3* world_from_object = nullptr;
+  const Affine3* object_from_world = nullptr;
+};
+
+[[nodiscard]] ShadingPoint shading_point(const cache::TriangleAttributes& triangle, const HitRecord& hit,
+                                         const InstanceTransform& instance, bool flip_normals);
+
+// What of the scene and the options a path needs to know. Spans, valid for the whole render.
+struct PathSettings {
+  shading::LightTable lights;
+  uint32_t max_depth = 5;
+  uint32_t seed = 0;
+};
+
+// Numbers that a vertex still needs from the scene's tables and textures.
+struct SurfaceValues {
+  shading::BsdfParams bsdf;
+  Float3 normal_shading;                // bumped
+  uint32_t light = LightId::kNone;      // of the face, when it emits
+};
+
+struct ShadedVertex {
+  bool has_splat = false;
+  bool has_path = false;
+  bool has_shadow = false;
+  SplatRecord splat;
+  cache::TraceRay path_ray;
+  PathRecord path;
+  cache::TraceRay shadow_ray;
+  ShadowRecord shadow;
+};
+
+// Emission met by chance, next-event estimation, and the next direction of the path.
+// Based on: Kajiya 1986; MIS with the power heuristic (Veach 1997, section 9.2); roulette as in pbrt-v4 section 13.4
+// except that survival is capped, so that lossless scenes end.
+[[nodiscard]] ShadedVertex shade_vertex(const PathSettings& settings, const HitRecord& hit, const ShadingPoint& point,
+                                        const SurfaceValues& surface);
+
+// Light from outside the scene; has_splat false when there is none.
+[[nodiscard]] SplatRecord escaped_splat(const PathSettings& settings, const PathRecord& path, Float3 direction_world);
+
+// Whether a surface of fractional opacity stops this ray: a hash of (path, bounce, instance, prim), never a dimension.
+[[nodiscard]] bool stopped_by_alpha(const HitRecord& hit, uint32_t seed, float alpha);
+
+// The same ray, going on behind the point it was let through.
+[[nodiscard]] cache::TraceRay ray_beyond(const HitRecord& hit, const ShadingPoint& point);
+
+[[nodiscard]] inline shading::SampleKey sample_key(const PathRecord& path, uint32_t seed) {
+  return {path.sink, path.sample, seed};
+}
+
+}  // namespace spillway::pipeline

@@ -1,0 +1,106 @@
+#include "pipeline/store.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "cache/section_file.h"
+#include "pipeline/source_files.h"
+#include "pipeline/store_validation.h"
+
+namespace spillway::pipeline {
+namespace {
+
+template <class T>
+Status read_table(const cache::SectionReader& reader, const char* name, MemoryTag tag, Buffer<T>& table) {
+  SPILLWAY_ASSIGN(const std::span<const std::byte> raw, reader.bytes(name));
+  if (raw.size() % sizeof(T) != 0)
+    return error("{}: section '{}' has {} bytes, no multiple of {}; pack the scene again", reader.path().string(), name,
+                 raw.size(), sizeof(T));
+  table = Buffer<T>(tag, raw.size() / sizeof(T));
+  if (!raw.empty()) std::memcpy(table.data(), raw.data(), raw.size());
+  return {};
+}
+
+Result<StoreTables> read_tables(const cache::SectionReader& reader) {
+  StoreTables t;
+  SPILLWAY_TRY(read_table(reader, section::kSettings, MemoryTag::scene, t.settings));
+  SPILLWAY_TRY(read_table(reader, section::kMeshes, MemoryTag::scene, t.meshes));
+  SPILLWAY_TRY(read_table(reader, section::kMaterials, MemoryTag::scene, t.materials));
+  SPILLWAY_TRY(read_table(reader, section::kTextures, MemoryTag::scene, t.textures));
+  SPILLWAY_TRY(read_table(reader, section::kImages, MemoryTag::scene, t.images));
+  SPILLWAY_TRY(read_table(reader, section::kLights, MemoryTag::lights, t.lights));
+  SPILLWAY_TRY(read_table(reader, section::kLightCdf, MemoryTag::lights, t.light_cdf));
+  SPILLWAY_TRY(read_table(reader, section::kPages, MemoryTag::scene, t.pages));
+  SPILLWAY_TRY(read_table(reader, section::kTreeNodes, MemoryTag::page_tree, t.tree_nodes));
+  SPILLWAY_TRY(read_table(reader, section::kTreeEntries, MemoryTag::page_tree, t.tree_entries));
+  SPILLWAY_TRY(read_table(reader, section::kTreeObjects, MemoryTag::page_tree, t.tree_objects));
+  SPILLWAY_TRY(read_table(reader, section::kInstances, MemoryTag::page_tree, t.instances));
+  SPILLWAY_TRY(read_table(reader, section::kAttributes, MemoryTag::scene, t.attributes));
+  SPILLWAY_TRY(read_table(reader, section::kNames, MemoryTag::scene, t.names));
+  SPILLWAY_TRY(read_table(reader, section::kSources, MemoryTag::scene, t.sources));
+  return t;
+}
+
+}  // namespace
+
+SceneSphere scene_sphere(const Bounds3& bounds_world) {
+  if (bounds_world.empty()) return {};
+  const float radius = length(bounds_world.extent()) * 0.5f;
+  return {bounds_world.center(), radius > 0 ? radius : 1};
+}
+
+Result<Store> Store::open(const std::filesystem::path& directory) {
+  Store store;
+  store.directory_ = directory;
+  const std::filesystem::path manifest = directory / kManifestFile;
+  std::error_code code;
+  if (!std::filesystem::exists(manifest, code))
+    return error("{}: is no store, or one whose packing did not finish (it has no {}); pack the scene",
+                 directory.string(), kManifestFile);
+  SPILLWAY_ASSIGN(const cache::SectionReader reader,
+                  cache::SectionReader::read(manifest, kStoreKind, kStoreVersion, MemoryTag::scene));
+  SPILLWAY_ASSIGN(store.tables_, read_tables(reader));
+  SPILLWAY_TRY(validate_tables(store.tables_, manifest.string()));
+  SPILLWAY_TRY(validate_files(store.tables_, directory));
+  return store;
+}
+
+cache::PageTree Store::page_tree() const {
+  const Bounds3& bounds = settings().statistics.bounds_world;
+  cache::PageTree tree;
+  tree.nodes = tables_.tree_nodes;
+  tree.entries = tables_.tree_entries;
+  tree.objects = tables_.tree_objects;
+  tree.instances = tables_.instances;
+  tree.scene_extent_world = bounds.empty() ? 0 : std::max(max_abs(bounds.lower), max_abs(bounds.upper));
+  return tree;
+}
+
+shading::LightTable Store::light_table() const {
+  const SceneSphere sphere = scene_sphere(settings().statistics.bounds_world);
+  return {tables_.lights, tables_.light_cdf, sphere.center, sphere.radius};
+}
+
+MeshId Store::mesh_of(PrimId prim) const {
+  const auto after = std::upper_bound(tables_.meshes.begin(), tables_.meshes.end(), prim.value,
+                                      [](uint32_t p, const Mesh& mesh) { return p < mesh.prim_base; });
+  return MeshId{static_cast<uint32_t>(after - tables_.meshes.begin()) - 1};
+}
+
+std::string Store::name_of(std::string_view kind, uint32_t index) const {
+  const std::string prefix = fmt::format("{} {} ", kind, index);
+  std::string_view rest(tables_.names.data(), tables_.names.size());
+  while (!rest.empty()) {
+    const std::string_view line = rest.substr(0, rest.find('\n'));
+    if (line.starts_with(prefix)) return std::string(line.substr(prefix.size()));
+    rest.remove_prefix(std::min(rest.size(), line.size() + 1));
+  }
+  return {};
+}
+
+bool Store::is_current(std::span<const std::filesystem::path> sources) const {
+  return sources_unchanged({tables_.sources.data(), tables_.sources.size()}, sources);
+}
+
+}  // namespace spillway::pipeline

@@ -1,0 +1,90 @@
+#pragma once
+
+// A packed scene, opened for rendering: the manifest's tables, every reference in them checked.
+//
+// Owns: the tables. Memory: tag scene; the page tree under page_tree, lights under lights.
+// Threads: const after open().
+// Fails: open() refuses a directory without manifest, a damaged or inconsistent one, and missing or short files, naming
+//        file, section and index. Pages, attribute blocks and images are checked when they are read.
+// Format: the sections named in pipeline/scene.h, and `sources`: see pipeline/source_files.h.
+
+#include <filesystem>
+#include <span>
+#include <string>
+#include <string_view>
+
+#include "cache/base/memory.h"
+#include "cache/base/result.h"
+#include "cache/trace_page.h"
+#include "pipeline/scene.h"
+
+namespace spillway::pipeline {
+
+namespace section {
+inline constexpr const char* kSources = "sources";  // char: the files that the store was made from
+}
+
+// The manifest's contents.
+struct StoreTables {
+  Buffer<SceneSettings> settings;  // one
+  Buffer<Mesh> meshes;
+  Buffer<Material> materials;
+  Buffer<TextureNode> textures;
+  Buffer<cache::ImageInfo> images;
+  Buffer<shading::Light> lights;
+  Buffer<float> light_cdf;
+  Buffer<cache::PageLocation> pages;
+  Buffer<cache::TraceNode> tree_nodes;
+  Buffer<cache::PageTreeEntry> tree_entries;
+  Buffer<cache::PageObject> tree_objects;
+  Buffer<cache::Instance> instances;
+  Buffer<AttributeLocation> attributes;
+  Buffer<char> names;
+  Buffer<char> sources;
+};
+
+// The sphere around the scene's box by which distant and infinite lights are measured; radius 1 for an empty scene.
+struct SceneSphere {
+  Float3 center{0, 0, 0};
+  float radius = 1;
+};
+[[nodiscard]] SceneSphere scene_sphere(const Bounds3& bounds_world);
+
+class Store {
+ public:
+  static Result<Store> open(const std::filesystem::path& directory);
+
+  [[nodiscard]] const std::filesystem::path& directory() const { return directory_; }
+  [[nodiscard]] std::filesystem::path trace_pages_path() const { return directory_ / kTracePagesFile; }
+  [[nodiscard]] std::filesystem::path attributes_path() const { return directory_ / kAttributesFile; }
+  [[nodiscard]] std::filesystem::path textures_path() const { return directory_ / kTexturesDirectory; }
+
+  [[nodiscard]] const SceneSettings& settings() const { return tables_.settings[0]; }
+  [[nodiscard]] std::span<const Mesh> meshes() const { return tables_.meshes; }
+  [[nodiscard]] std::span<const Material> materials() const { return tables_.materials; }
+  [[nodiscard]] std::span<const TextureNode> textures() const { return tables_.textures; }
+  [[nodiscard]] std::span<const cache::ImageInfo> images() const { return tables_.images; }
+  [[nodiscard]] std::span<const shading::Light> lights() const { return tables_.lights; }
+  [[nodiscard]] std::span<const cache::PageLocation> pages() const { return tables_.pages; }
+  [[nodiscard]] std::span<const cache::Instance> instances() const { return tables_.instances; }
+  [[nodiscard]] std::span<const AttributeLocation> attributes() const { return tables_.attributes; }
+
+  // Views into this store, which must outlive them.
+  [[nodiscard]] cache::PageTree page_tree() const;
+  [[nodiscard]] shading::LightTable light_table() const;
+
+  // prim must be one of the scene's.
+  [[nodiscard]] MeshId mesh_of(PrimId prim) const;
+  // What the scene calls `kind` ("mesh", "material", "object") number `index`; empty when unknown. Reads all names.
+  [[nodiscard]] std::string name_of(std::string_view kind, uint32_t index) const;
+
+  // Whether each of `sources` is among the files that the store was made from, and none of those has changed.
+  [[nodiscard]] bool is_current(std::span<const std::filesystem::path> sources) const;
+
+ private:
+  Store() = default;
+  std::filesystem::path directory_;
+  StoreTables tables_;
+};
+
+}  // namespace spillway::pipeline

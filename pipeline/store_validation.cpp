@@ -1,0 +1,379 @@
+#include "pipeline/store_validation.h"
+
+#include <cmath>
+#include <cstring>
+#include <vector>
+
+namespace spillway::pipeline {
+namespace {
+
+constexpr uint32_t kLargestResolution = 65536;
+constexpr float kLargestFilterRadius = 64;  // pixels
+// Axes come from 32-bit normalisation, some roundings of 6e-8, and may have been through a transform or a text file.
+constexpr float kUnitTolerance = 1e-4f;
+// Each number of a stored inverse is rounded once (2^-24), and the product adds three such; four times that.
+constexpr double kInverseTolerance = 0x1p-20;
+
+template <class... Args>
+Error damaged(std::string_view where, const char* section, size_t index, fmt::format_string<Args...> what,
+              Args&&... args) {
+  return error("{}: section '{}', item {}: {}; pack the scene again", where, section, index,
+               fmt::format(what, std::forward<Args>(args)...));
+}
+
+bool all_finite(std::span<const float> values) {
+  for (const float value : values)
+    if (!std::isfinite(value)) return false;
+  return true;
+}
+
+bool is_finite_transform(const Affine3& t) { return all_finite(std::span(&t.m[0][0], 12)); }
+
+// product of the two, against the identity, each entry measured by the magnitudes that went into it
+bool are_inverse(const Affine3& a, const Affine3& b) {
+  for (int i = 0; i < 3; ++i)
+    for (int j = 0; j < 4; ++j) {
+      double sum = j == 3 ? a.m[i][3] : 0, magnitude = std::fabs(sum);
+      for (int k = 0; k < 3; ++k) {
+        const double term = static_cast<double>(a.m[i][k]) * b.m[k][j];
+        sum += term, magnitude += std::fabs(term);
+      }
+      if (std::fabs(sum - (i == j ? 1 : 0)) > kInverseTolerance * (magnitude + 1)) return false;
+    }
+  return true;
+}
+
+bool is_identity(const Affine3& t) {
+  for (int i = 0; i < 3; ++i)
+    for (int j = 0; j < 4; ++j)
+      if (t.m[i][j] != (i == j ? 1.0f : 0.0f)) return false;
+  return true;
+}
+
+bool is_texture(uint32_t texture, size_t count) { return texture == TextureId::kNone || texture < count; }
+
+Status validate_meshes(const StoreTables& t, std::string_view where) {
+  uint64_t next_prim = 0, next_light = 0;
+  for (size_t i = 0; i < t.meshes.size(); ++i) {
+    const Mesh& mesh = t.meshes[i];
+    if (mesh.prim_base != next_prim || mesh.face_count == 0)
+      return damaged(where, section::kMeshes, i, "prims {} + {} do not follow {}", mesh.prim_base, mesh.face_count,
+                     next_prim);
+    if (mesh.material >= t.materials.size() || (i > 0 && mesh.material < t.meshes[i - 1].material))
+      return damaged(where, section::kMeshes, i, "material {} is out of range or order", mesh.material);
+    if (mesh.object >= t.tree_objects.size())
+      return damaged(where, section::kMeshes, i, "object {} of {}", mesh.object, t.tree_objects.size());
+    if (!is_texture(mesh.alpha_texture, t.textures.size()))
+      return damaged(where, section::kMeshes, i, "alpha texture {} of {}", mesh.alpha_texture, t.textures.size());
+    if ((mesh.flags & ~(kMeshFlipNormals | kMeshHasNormals | kMeshHasUvs)) != 0 || mesh.reserved != 0)
+      return damaged(where, section::kMeshes, i, "unknown flags {:#x}", mesh.flags);
+    next_prim += mesh.face_count;
+    if (mesh.light_base == LightId::kNone) continue;
+    if (mesh.light_base != next_light || mesh.object != 0)
+      return damaged(where, section::kMeshes, i, "lights from {} do not follow {}", mesh.light_base, next_light);
+    next_light += mesh.face_count;
+  }
+  if (next_prim > PrimId::kNone) return damaged(where, section::kMeshes, t.meshes.size(), "too many prims");
+  size_t triangle_lights = 0;
+  while (triangle_lights < t.lights.size() && t.lights[triangle_lights].kind == shading::LightKind::triangle)
+    ++triangle_lights;
+  if (triangle_lights != next_light)
+    return damaged(where, section::kLights, triangle_lights, "{} triangles emit, but meshes say {}", triangle_lights,
+                   next_light);
+  return {};
+}
+
+Status validate_lights(const StoreTables& t, std::string_view where) {
+  for (size_t i = 0; i < t.lights.size(); ++i) {
+    if (!check_light(t.lights[i], where))
+      return check_light(t.lights[i], fmt::format("{}: section '{}', item {}", where, section::kLights, i));
+    if (t.lights[i].kind == shading::LightKind::triangle && i > 0 &&
+        t.lights[i - 1].kind != shading::LightKind::triangle)
+      return damaged(where, section::kLights, i, "a triangle after other lights");
+  }
+  if (t.light_cdf.size() != t.lights.size() + 1)
+    return damaged(where, section::kLightCdf, 0, "{} numbers for {} lights", t.light_cdf.size(), t.lights.size());
+  for (size_t i = 0; i < t.light_cdf.size(); ++i) {
+    const float least = i == 0 ? 0 : t.light_cdf[i - 1];
+    const float most = i == 0 ? 0 : 1;
+    if (!(t.light_cdf[i] >= least && t.light_cdf[i] <= most))
+      return damaged(where, section::kLightCdf, i, "{} is not between {} and {}", t.light_cdf[i], least, most);
+  }
+  if (!t.lights.empty() && t.light_cdf[t.lights.size()] != 1)
+    return damaged(where, section::kLightCdf, t.lights.size(), "ends at {}, not 1", t.light_cdf[t.lights.size()]);
+  return {};
+}
+
+// Locations follow each other without gaps.
+Status validate_pages(const StoreTables& t, std::string_view where) {
+  uint64_t offset = 0, triangles = 0;
+  for (size_t i = 0; i < t.pages.size(); ++i) {
+    const cache::PageLocation& page = t.pages[i];
+    if (page.offset_bytes != offset || page.size_bytes == 0 || page.size_bytes % 4096 != 0 ||
+        page.size_bytes > UINT64_MAX - offset)
+      return damaged(where, section::kPages, i, "{} bytes at {} do not follow byte {}", page.size_bytes,
+                     page.offset_bytes, offset);
+    if (page.triangle_count == 0 || page.triangle_count > cache::kMaxTrianglesPerPage)
+      return damaged(where, section::kPages, i, "{} triangles", page.triangle_count);
+    if (page.object >= t.tree_objects.size() || (i > 0 && page.object < t.pages[i - 1].object))
+      return damaged(where, section::kPages, i, "object {} is out of range or order", page.object);
+    offset += page.size_bytes, triangles += page.triangle_count;
+  }
+  if (triangles != t.settings[0].statistics.triangle_count)
+    return damaged(where, section::kPages, t.pages.size(), "{} triangles in all instead of {}", triangles,
+                   t.settings[0].statistics.triangle_count);
+  return {};
+}
+
+Status validate_attributes(const StoreTables& t, std::string_view where) {
+  uint64_t offset = 0, next_prim = 0;
+  for (size_t i = 0; i < t.attributes.size(); ++i) {
+    const AttributeLocation& block = t.attributes[i];
+    if (block.offset_bytes != offset || block.size_bytes == 0 || block.size_bytes % 4096 != 0 || block.reserved != 0)
+      return damaged(where, section::kAttributes, i, "{} bytes at {} do not follow byte {}", block.size_bytes,
+                     block.offset_bytes, offset);
+    if (block.first_prim != next_prim || block.prim_count == 0)
+      return damaged(where, section::kAttributes, i, "prims {} + {} do not follow {}", block.first_prim,
+                     block.prim_count, next_prim);
+    offset += block.size_bytes, next_prim += block.prim_count;
+  }
+  const uint64_t prims = t.meshes.empty() ? 0 : uint64_t{t.meshes.end()[-1].prim_base} + t.meshes.end()[-1].face_count;
+  if (next_prim != prims || prims != t.settings[0].statistics.triangle_count)
+    return damaged(where, section::kAttributes, t.attributes.size(), "{} prims in all instead of {}", next_prim, prims);
+  return {};
+}
+
+Status validate_instances(const StoreTables& t, std::string_view where) {
+  for (size_t i = 0; i < t.instances.size(); ++i) {
+    const cache::Instance& instance = t.instances[i];
+    if (!is_finite_transform(instance.world_from_object) || !is_finite_transform(instance.object_from_world) ||
+        !are_inverse(instance.world_from_object, instance.object_from_world))
+      return damaged(where, section::kInstances, i, "the transforms are not inverse to each other");
+    if (instance.object >= t.tree_objects.size() || (instance.object == 0) != (i == 0))
+      return damaged(where, section::kInstances, i, "object {}", instance.object);
+  }
+  if (t.instances.empty() || !is_identity(t.instances[0].world_from_object) ||
+      !is_identity(t.instances[0].object_from_world))
+    return damaged(where, section::kInstances, 0, "is not the world");
+  return {};
+}
+
+// Every entry hangs in exactly one tree, and in the one it belongs to. Called on trees that validate_page_tree accepts.
+class TreeWalk {
+ public:
+  TreeWalk(const StoreTables& tables, std::string_view where)
+      : t_(tables), where_(where), node_seen_(tables.tree_nodes.size()), entry_seen_(tables.tree_entries.size()),
+        page_seen_(tables.pages.size()), instance_seen_(tables.instances.size()) {}
+
+  Status walk() {
+    for (uint32_t o = 0; o < t_.tree_objects.size(); ++o) SPILLWAY_TRY(visit(t_.tree_objects[o].root, o));
+    SPILLWAY_TRY(check_all_seen(entry_seen_, section::kTreeEntries, 0));
+    SPILLWAY_TRY(check_all_seen(page_seen_, section::kPages, 0));
+    return check_all_seen(instance_seen_, section::kInstances, 1);
+  }
+
+ private:
+  Status visit(uint32_t reference, uint32_t object) {
+    if (reference == cache::kNoChild) return {};
+    if ((reference & cache::kLeafBit) != 0) return visit_entry(reference & ~cache::kLeafBit, object);
+    SPILLWAY_TRY(see(node_seen_, reference, section::kTreeNodes));
+    for (const uint32_t child : t_.tree_nodes[reference].child) SPILLWAY_TRY(visit(child, object));
+    return {};
+  }
+
+  Status visit_entry(uint32_t index, uint32_t object) {
+    SPILLWAY_TRY(see(entry_seen_, index, section::kTreeEntries));
+    const cache::PageTreeEntry entry = t_.tree_entries[index];
+    if (entry.kind == 0) {
+      if (t_.pages[entry.index].object != object)
+        return damaged(where_, section::kTreeEntries, index, "page {} is of another object", entry.index);
+      return see(page_seen_, entry.index, section::kPages);
+    }
+    if (object != 0) return damaged(where_, section::kTreeEntries, index, "an instance inside a prototype");
+    return see(instance_seen_, entry.index, section::kInstances);
+  }
+
+  Status see(std::vector<bool>& seen, uint32_t index, const char* section) {
+    if (seen[index]) return damaged(where_, section, index, "is in the page tree twice");
+    seen[index] = true;
+    return {};
+  }
+
+  Status check_all_seen(const std::vector<bool>& seen, const char* section, size_t first) const {
+    for (size_t i = first; i < seen.size(); ++i)
+      if (!seen[i]) return damaged(where_, section, i, "is not in the page tree");
+    return {};
+  }
+
+  const StoreTables& t_;
+  std::string_view where_;
+  std::vector<bool> node_seen_, entry_seen_, page_seen_, instance_seen_;
+};
+
+Status validate_tree(const StoreTables& t, std::string_view where) {
+  cache::PageTree tree;
+  tree.nodes = t.tree_nodes;
+  tree.entries = t.tree_entries;
+  tree.objects = t.tree_objects;
+  tree.instances = t.instances;
+  SPILLWAY_TRY(cache::validate_page_tree(tree, t.pages.size(), where));
+  for (size_t o = 0; o < t.tree_objects.size(); ++o) {
+    const cache::PageObject& object = t.tree_objects[o];
+    const bool finite = is_finite(object.bounds_object.lower) && is_finite(object.bounds_object.upper);
+    if (object.root != cache::kNoChild && (!finite || object.bounds_object.empty()))
+      return damaged(where, section::kTreeObjects, o, "has no bounds");
+  }
+  return TreeWalk(t, where).walk();
+}
+
+bool is_file_name(const char (&name)[64]) {
+  const auto* end = static_cast<const char*>(std::memchr(name, 0, sizeof name));
+  const std::string_view text(name, end == nullptr ? 0 : static_cast<size_t>(end - name));
+  return !text.empty() && text.find('/') == text.npos && text != "." && text != "..";
+}
+
+Status validate_images(const StoreTables& t, std::string_view where) {
+  for (size_t i = 0; i < t.images.size(); ++i) {
+    const cache::ImageInfo& image = t.images[i];
+    if (!is_file_name(image.file_name)) return damaged(where, section::kImages, i, "its file name is none");
+    if (image.width == 0 || image.height == 0 || image.channels == 0 || image.channels > 4 || image.levels == 0 ||
+        image.levels > 32 || (image.texel_bytes != 1 && image.texel_bytes != 4) || image.encoding > cache::TexelEncoding::srgb || !all_finite(image.mean))
+      return damaged(where, section::kImages, i, "impossible numbers");
+  }
+  return {};
+}
+
+Status check_param(const Param& param, size_t texture_count, std::string_view where, const char* name) {
+  if (!is_finite(param.constant)) return error("{}: {} is not finite", where, name);
+  if (!is_texture(param.texture, texture_count))
+    return error("{}: {} uses texture {} of {}", where, name, param.texture, texture_count);
+  return {};
+}
+
+Status check_file(const std::filesystem::path& path, uint64_t least_bytes) {
+  std::error_code code;
+  const uint64_t size = std::filesystem::file_size(path, code);
+  if (code) return error("{}: is missing from the store: {}; pack the scene again", path.string(), code.message());
+  if (size < least_bytes)
+    return error("{}: has {} bytes, but the manifest needs {}; it was cut short, pack the scene again", path.string(),
+                 size, least_bytes);
+  return {};
+}
+
+}  // namespace
+
+Status check_settings(const SceneSettings& settings, std::string_view where) {
+  const shading::Camera& c = settings.camera;
+  if (c.resolution_x_px < 1 || c.resolution_x_px > kLargestResolution || c.resolution_y_px < 1 ||
+      c.resolution_y_px > kLargestResolution)
+    return error("{}: a resolution of {} x {}; 1 to {} is possible", where, c.resolution_x_px, c.resolution_y_px,
+                 kLargestResolution);
+  const float camera[] = {c.tan_half_fov_x, c.tan_half_fov_y, c.screen_center_x, c.screen_center_y,
+                          c.lens_radius,    c.focal_distance, c.shutter_open,    c.shutter_close};
+  if (!is_finite_transform(c.world_from_camera) || !all_finite(camera) || c.lens_radius < 0 || c.focal_distance <= 0)
+    return error("{}: the camera has a number that is not finite or of the wrong sign", where);
+  const shading::Filter& f = settings.filter;
+  const float radii[] = {f.radius_px.x, f.radius_px.y};
+  for (const float radius : radii)
+    if (!(radius > 0 && radius <= kLargestFilterRadius))
+      return error("{}: a filter radius of {} pixels; up to {} is possible", where, radius, kLargestFilterRadius);
+  if (f.kind > shading::FilterKind::sinc || !std::isfinite(f.a) || !std::isfinite(f.b))
+    return error("{}: the pixel filter is of no known kind, or its parameters are not finite", where);
+  const FilmSettings& film = settings.film;
+  const bool no_crop = film.crop_x0 == 0 && film.crop_y0 == 0 && film.crop_x1 == 0 && film.crop_y1 == 0;
+  if (!no_crop && (film.crop_x0 >= film.crop_x1 || film.crop_x1 > c.resolution_x_px || film.crop_y0 >= film.crop_y1 ||
+                   film.crop_y1 > c.resolution_y_px))
+    return error("{}: the crop {}..{} x {}..{} does not lie in the picture", where, film.crop_x0, film.crop_x1,
+                 film.crop_y0, film.crop_y1);
+  if (!std::isfinite(film.exposure_scale) || film.exposure_scale <= 0)
+    return error("{}: an exposure scale of {}", where, film.exposure_scale);
+  if (settings.render.samples_per_pixel == 0) return error("{}: no samples a pixel", where);
+  return {};
+}
+
+Status check_texture(const TextureNode& node, size_t index, size_t image_count, std::string_view where) {
+  if (node.kind > TextureKind::mix || node.wrap > cache::WrapMode::black || node.filter > cache::TexelFilter::trilinear)
+    return error("{}: is of no known kind, wrap or filter", where);
+  if (!all_finite(node.value) || !all_finite(node.uv_scale) || !all_finite(node.uv_offset))
+    return error("{}: has a number that is not finite", where);
+  if (node.kind == TextureKind::image && node.image >= image_count)
+    return error("{}: uses image {} of {}", where, node.image, image_count);
+  const size_t child_count = node.kind == TextureKind::scale ? 2 : node.kind == TextureKind::mix ? 3 : 0;
+  for (size_t c = 0; c < child_count; ++c)
+    if (node.child[c] >= index)
+      return error("{}: uses texture {}; textures come after those they use", where, node.child[c]);
+  return {};
+}
+
+Status check_material(const Material& material, size_t index, size_t texture_count, std::string_view where) {
+  if (material.kind > MaterialKind::mix) return error("{}: is of no known kind", where);
+  SPILLWAY_TRY(check_param(material.reflectance, texture_count, where, "reflectance"));
+  SPILLWAY_TRY(check_param(material.u_roughness, texture_count, where, "u roughness"));
+  SPILLWAY_TRY(check_param(material.v_roughness, texture_count, where, "v roughness"));
+  SPILLWAY_TRY(check_param(material.base_u_roughness, texture_count, where, "base u roughness"));
+  SPILLWAY_TRY(check_param(material.base_v_roughness, texture_count, where, "base v roughness"));
+  SPILLWAY_TRY(check_param(material.conductor_eta, texture_count, where, "eta"));
+  SPILLWAY_TRY(check_param(material.conductor_k, texture_count, where, "k"));
+  SPILLWAY_TRY(check_param(material.mix_amount, texture_count, where, "mix amount"));
+  if (!std::isfinite(material.eta) || material.eta <= 0) return error("{}: an eta of {}", where, material.eta);
+  if (!is_texture(material.displacement, texture_count))
+    return error("{}: uses texture {} of {} as displacement", where, material.displacement, texture_count);
+  if (material.kind != MaterialKind::mix) return {};
+  for (const uint32_t part : material.mix_material)
+    if (part >= index) return error("{}: mixes material {}; materials come after those they mix", where, part);
+  return {};
+}
+
+Status check_light(const shading::Light& light, std::string_view where) {
+  if (light.kind > shading::LightKind::infinite) return error("{}: is of no known kind", where);
+  if (!is_finite(light.radiance) || light.radiance.r < 0 || light.radiance.g < 0 || light.radiance.b < 0)
+    return error("{}: emits ({}, {}, {}); emission must be finite and not negative", where, light.radiance.r,
+                 light.radiance.g, light.radiance.b);
+  if (!is_finite(light.position) || !is_finite(light.edge1) || !is_finite(light.edge2) ||
+      !std::isfinite(light.cos_total) || !std::isfinite(light.cos_falloff) || !std::isfinite(light.normal_sign))
+    return error("{}: has a number that is not finite", where);
+  const bool has_axis = light.kind == shading::LightKind::spot || light.kind == shading::LightKind::distant;
+  if (has_axis && std::fabs(length_squared(light.edge1) - 1) > kUnitTolerance)
+    return error("{}: has an axis of length {}, not one", where, length(light.edge1));
+  if (light.kind == shading::LightKind::spot && light.cos_falloff < light.cos_total)
+    return error("{}: falls off inside an angle larger than its cone", where);
+  return {};
+}
+
+Status validate_tables(const StoreTables& t, std::string_view where) {
+  if (t.settings.size() != 1) return damaged(where, section::kSettings, 0, "{} settings", t.settings.size());
+  SPILLWAY_TRY(check_settings(t.settings[0], fmt::format("{}: section '{}'", where, section::kSettings)));
+  SPILLWAY_TRY(validate_images(t, where));
+  for (size_t i = 0; i < t.textures.size(); ++i)
+    SPILLWAY_TRY(check_texture(t.textures[i], i, t.images.size(),
+                               fmt::format("{}: section '{}', item {}", where, section::kTextures, i)));
+  for (size_t i = 0; i < t.materials.size(); ++i)
+    SPILLWAY_TRY(check_material(t.materials[i], i, t.textures.size(),
+                                fmt::format("{}: section '{}', item {}", where, section::kMaterials, i)));
+  SPILLWAY_TRY(validate_meshes(t, where));
+  SPILLWAY_TRY(validate_lights(t, where));
+  SPILLWAY_TRY(validate_pages(t, where));
+  SPILLWAY_TRY(validate_attributes(t, where));
+  SPILLWAY_TRY(validate_instances(t, where));
+  SPILLWAY_TRY(validate_tree(t, where));
+  const Bounds3& world = t.settings[0].statistics.bounds_world;
+  const Bounds3& object = t.tree_objects[0].bounds_object;
+  const bool empty = t.tree_objects[0].root == cache::kNoChild;
+  if (!empty && !(world.lower == object.lower && world.upper == object.upper))
+    return damaged(where, section::kSettings, 0, "the bounds of the scene are not those of its tree");
+  if (empty && !world.empty()) return damaged(where, section::kSettings, 0, "an empty scene with bounds");
+  return {};
+}
+
+Status validate_files(const StoreTables& t, const std::filesystem::path& directory) {
+  const uint64_t page_bytes = t.pages.empty() ? 0 : t.pages.end()[-1].offset_bytes + t.pages.end()[-1].size_bytes;
+  const uint64_t attribute_bytes =
+      t.attributes.empty() ? 0 : t.attributes.end()[-1].offset_bytes + t.attributes.end()[-1].size_bytes;
+  SPILLWAY_TRY(check_file(directory / kTracePagesFile, page_bytes));
+  SPILLWAY_TRY(check_file(directory / kAttributesFile, attribute_bytes));
+  for (const cache::ImageInfo& image : t.images)
+    SPILLWAY_TRY(check_file(directory / kTexturesDirectory / image.file_name, 1));
+  return {};
+}
+
+}  // namespace spillway::pipeline

@@ -1,0 +1,25 @@
+#pragma once
+
+// The laws between a store's tables: what rendering may rely on without looking again.
+
+#include <filesystem>
+#include <string_view>
+
+#include "cache/base/result.h"
+#include "pipeline/store.h"
+
+namespace spillway::pipeline {
+
+// `where` names the manifest; messages add section and index.
+Status validate_tables(const StoreTables& tables, std::string_view where);
+// That the files named are there and long enough for the tables.
+Status validate_files(const StoreTables& tables, const std::filesystem::path& directory);
+
+// Also used while packing, before anything is written. `where` names the item for the message.
+Status check_settings(const SceneSettings& settings, std::string_view where);
+Status check_texture(const TextureNode& node, size_t index, size_t image_count, std::string_view where);
+Status check_material(const Material& material, size_t index, size_t texture_count, std::string_view where);
+// Finite numbers, a unit axis, a spot whose edges are in order.
+Status check_light(const shading::Light& light, std::string_view where);
+
+}  // namespace spillway::pipeline

@@ -1,0 +1,39 @@
+#include "shading/frame.h"
+
+#include <bit>
+#include <cmath>
+#include <cstdint>
+
+namespace spillway::shading {
+
+Frame frame_from_z(Float3 z) {
+  const float sign = std::copysign(1.0f, z.z);
+  const float a = -1 / (sign + z.z);
+  const float b = z.x * z.y * a;
+  return {{1 + sign * z.x * z.x * a, sign * b, -sign * z.x}, {b, sign + z.y * z.y * a, -z.y}, z};
+}
+
+Frame frame_from_z_and_tangent(Float3 z, Float3 tangent) {
+  const Float3 projected = tangent - z * dot(z, tangent);
+  const float squared = length_squared(projected);
+  // A tangent nearly along z has no direction of its own.
+  if (!(squared > 1e-12f * length_squared(tangent)) || !std::isfinite(squared)) return frame_from_z(z);
+  const Float3 x = projected * (1 / std::sqrt(squared));
+  return {x, cross(z, x), z};
+}
+
+Float3 ray_origin(Float3 p, Float3 normal_geometric, Float3 direction) {
+  // Waechter and Binder's constants: away from zero the step is a count of ulp, near zero a length.
+  constexpr float kIntegerScale = 256, kFloatScale = 1.0f / 65536, kNearZero = 1.0f / 32;
+  const Float3 n = dot(normal_geometric, direction) < 0 ? -normal_geometric : normal_geometric;
+  Float3 moved;
+  for (int a = 0; a < 3; ++a) {
+    const auto steps = static_cast<int32_t>(kIntegerScale * n[a]);
+    const auto bits = std::bit_cast<int32_t>(p[a]);
+    moved[a] = std::fabs(p[a]) < kNearZero ? p[a] + kFloatScale * n[a]
+                                           : std::bit_cast<float>(bits + (p[a] < 0 ? -steps : steps));
+  }
+  return moved;
+}
+
+}  // namespace spillway::shading

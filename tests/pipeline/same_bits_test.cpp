@@ -1,0 +1,215 @@
+// Promise 2: the machine does not leak into the image. Every performance field is varied, each limit is seen to bite in
+// the counters, and the streamed image equals that of the depth-first reference integrator, bit for bit.
+
+#include <gtest/gtest.h>
+#include <tbb/global_control.h>
+#include <tbb/task_arena.h>
+
+#include "pipeline/render/render_image.h"
+#include "tests/support/reference_integrator.h"
+#include "tests/support/small_scene.h"
+
+namespace spillway::test {
+namespace {
+
+using namespace pipeline;
+
+class SameBits : public testing::Test {
+ protected:
+  static void SetUpTestSuite() {
+    directory_ = std::make_unique<TemporaryDirectory>();
+    auto store = pack_small_scene(directory_->path(), "scene", {});
+    ASSERT_TRUE(store) << store.error().message;
+    store_ = std::make_unique<Store>(std::move(*store));
+    const auto image = render(options(), 2);
+    hash_ = image.report.image_hash;
+  }
+  static void TearDownTestSuite() { store_.reset(), directory_.reset(); }
+
+  static RenderOptions options() {
+    RenderOptions o;
+    o.settings = store_->settings();
+    o.scratch_directory = directory_->path();
+    return o;
+  }
+
+  static RenderedImage render(const RenderOptions& o, int threads, const Store& store) {
+    tbb::global_control control(tbb::global_control::max_allowed_parallelism, static_cast<size_t>(threads));
+    tbb::task_arena arena(threads);
+    Result<RenderedImage> image = arena.execute([&] { return render_image(store, o); });
+    EXPECT_TRUE(image) << image.error().message;
+    return image ? std::move(*image) : RenderedImage{};
+  }
+  static RenderedImage render(const RenderOptions& o, int threads) { return render(o, threads, *store_); }
+
+  static uint64_t trace_bytes() {
+    uint64_t bytes = 0;
+    for (const auto& page : store_->pages()) bytes += page.size_bytes;
+    return bytes;
+  }
+  static uint64_t attribute_bytes() {
+    uint64_t bytes = 0;
+    for (const auto& block : store_->attributes()) bytes += block.size_bytes;
+    return bytes;
+  }
+
+  static std::unique_ptr<TemporaryDirectory> directory_;
+  static std::unique_ptr<Store> store_;
+  static std::string hash_;
+};
+
+std::unique_ptr<TemporaryDirectory> SameBits::directory_;
+std::unique_ptr<Store> SameBits::store_;
+std::string SameBits::hash_;
+
+TEST_F(SameBits, the_scene_has_pages_textures_alpha_and_light) {
+  const RenderedImage image = render(options(), 2);
+  EXPECT_GT(store_->pages().size(), 8u);
+  EXPECT_GT(image.report.textures.lookups, 1000u);
+  EXPECT_GT(image.report.shade.let_through_count, 100u);
+  EXPECT_GT(image.report.route.alpha_shadow_count, 100u);
+  EXPECT_GT(image.report.route.arrived_count, 1000u);
+  EXPECT_FALSE(image.report.faults.any());
+  Rgb sum{0, 0, 0};
+  for (uint32_t y = 0; y < 32; ++y)
+    for (uint32_t x = 0; x < 48; ++x) sum += image.film->pixel(x, y);
+  EXPECT_GT(luminance(sum) / (32 * 48), 0.02f);
+}
+
+TEST_F(SameBits, the_streamed_image_is_that_of_the_depth_first_reference) {
+  const auto tracer = kernel_tracer(*store_);
+  ASSERT_TRUE(tracer) << tracer.error().message;
+  const auto film = render_reference(*store_, **tracer, {store_->settings(), false});
+  ASSERT_TRUE(film) << film.error().message;
+  EXPECT_EQ((*film)->hash(), hash_);
+}
+
+TEST_F(SameBits, layers_are_those_of_the_reference_too) {
+  RenderOptions o = options();
+  o.aov_layers = true;
+  const auto tracer = kernel_tracer(*store_);
+  ASSERT_TRUE(tracer) << tracer.error().message;
+  const auto film = render_reference(*store_, **tracer, {store_->settings(), true});
+  ASSERT_TRUE(film) << film.error().message;
+  EXPECT_EQ((*film)->hash(), render(o, 2).report.image_hash);
+  EXPECT_NE((*film)->hash(), hash_);
+}
+
+TEST_F(SameBits, for_any_number_of_threads) {
+  for (const int threads : {1, 2, 7}) EXPECT_EQ(render(options(), threads).report.image_hash, hash_) << threads;
+}
+
+TEST_F(SameBits, for_any_wave_size) {
+  for (const uint64_t paths : {1, 37, 1000, 100000}) {
+    RenderOptions o = options();
+    if (paths == 1) o.settings.film = {10, 10, 14, 12, 1};
+    o.plan.wave_paths = paths;
+    const RenderedImage image = render(o, 2);
+    if (paths == 1) {
+      RenderOptions whole = options();
+      whole.settings.film = o.settings.film;
+      EXPECT_EQ(image.report.image_hash, render(whole, 2).report.image_hash);
+    } else {
+      EXPECT_EQ(image.report.image_hash, hash_) << paths;
+    }
+  }
+}
+
+TEST_F(SameBits, when_rays_are_not_sorted) {
+  RenderOptions o = options();
+  o.sort_rays = false;
+  EXPECT_EQ(render(o, 2).report.image_hash, hash_);
+}
+
+TEST_F(SameBits, for_fractions_of_the_pages) {
+  for (const uint64_t part : {2, 8}) {
+    RenderOptions o = options();
+    o.plan.page_bytes = trace_bytes() / part;
+    const RenderedImage image = render(o, 2);
+    EXPECT_EQ(image.report.image_hash, hash_) << part;
+    EXPECT_GT(image.report.pages.parts_evicted, 0u);
+    EXPECT_GT(image.report.pages.parts_read_again, 0u);
+    EXPECT_GT(image.report.trace.pair_count, 0u);
+  }
+}
+
+TEST_F(SameBits, for_fractions_of_the_attributes) {
+  for (const uint64_t part : {2, 8}) {
+    RenderOptions o = options();
+    o.plan.attribute_bytes = std::max<uint64_t>(attribute_bytes() / part, 1 << 16);
+    EXPECT_EQ(render(o, 2).report.image_hash, hash_) << part;
+  }
+}
+
+TEST_F(SameBits, for_small_textures) {
+  RenderOptions o = options();
+  o.plan.texture_bytes = 1 << 16;
+  EXPECT_EQ(render(o, 2).report.image_hash, hash_);
+}
+
+TEST_F(SameBits, when_everything_is_spilled) {
+  RenderOptions o = options();
+  o.plan.spill = 1;
+  o.plan.wave_paths = 4096;
+  o.spill_block_bytes = 1 << 14;
+  o.hit_sort_bytes = 100 << 10;
+  o.plan.page_bytes = trace_bytes() / 8;
+  const RenderedImage image = render(o, 2);
+  EXPECT_EQ(image.report.image_hash, hash_);
+  EXPECT_GT(image.report.spilled_bytes, 1u << 20);
+  EXPECT_GT(image.report.shade.partition_count, 2 * image.report.waves.size());
+}
+
+TEST_F(SameBits, with_direct_io) {
+  RenderOptions o = options();
+  o.direct_io = true;
+  o.plan.page_bytes = trace_bytes() / 4;
+  EXPECT_EQ(render(o, 2).report.image_hash, hash_);
+}
+
+TEST_F(SameBits, for_another_layout_of_pages_and_trees) {
+  SmallSceneOptions scene;
+  scene.max_triangles_per_page = 97;
+  scene.tree.branching = 3;
+  scene.tree.leaf_fill = 2;
+  const auto other = pack_small_scene(directory_->path(), "other", scene);
+  ASSERT_TRUE(other) << other.error().message;
+  EXPECT_GT(other->pages().size(), 2 * store_->pages().size());
+  EXPECT_EQ(render(options(), 2, *other).report.image_hash, hash_);
+}
+
+TEST_F(SameBits, a_crop_has_the_pixels_of_the_full_frame) {
+  const RenderedImage whole = render(options(), 2);
+  RenderOptions o = options();
+  o.settings.film = {5, 7, 33, 20, 1};
+  const RenderedImage crop = render(o, 2);
+  for (uint32_t y = 7; y < 20; ++y)
+    for (uint32_t x = 5; x < 33; ++x) ASSERT_EQ(crop.film->pixel(x, y), whole.film->pixel(x, y)) << x << ' ' << y;
+}
+
+TEST_F(SameBits, a_render_that_is_stopped_equals_one_of_as_many_samples) {
+  RenderOptions o = options();
+  o.settings.render.samples_per_pixel = 64;
+  o.plan.wave_paths = 512;
+  std::atomic<bool> stop{false};
+  o.stop = &stop;
+  int waves = 0;
+  o.on_progress = [&](const RenderProgress&) { stop = ++waves >= 10; };
+  const RenderedImage stopped = render(o, 2);
+  EXPECT_TRUE(stopped.report.stopped_early);
+  const uint32_t samples = stopped.report.samples_per_pixel;
+  EXPECT_GT(samples, 0u);
+  EXPECT_LT(samples, 64u);
+  RenderOptions whole = options();
+  whole.settings.render.samples_per_pixel = samples;
+  EXPECT_EQ(stopped.report.image_hash, render(whole, 2).report.image_hash);
+}
+
+TEST_F(SameBits, another_seed_is_another_image) {
+  RenderOptions o = options();
+  o.settings.render.seed = 1;
+  EXPECT_NE(render(o, 2).report.image_hash, hash_);
+}
+
+}  // namespace
+}  // namespace spillway::test

@@ -1,0 +1,210 @@
+#include "tests/support/reference_integrator.h"
+
+#include <tbb/enumerable_thread_specific.h>
+
+#include <mutex>
+
+#include "cache/base/parallel.h"
+#include "pipeline/evaluate_texture.h"
+#include "pipeline/render/attribute_store.h"
+#include "pipeline/render/resolve_material.h"
+#include "pipeline/render/shade_hits.h"
+#include "pipeline/render/shade_path.h"
+
+namespace spillway::test {
+namespace {
+
+using namespace pipeline;
+
+// A file's parts, all of them resident.
+template <class Locations>
+Result<std::unique_ptr<cache::PartStore>> load_all(const std::filesystem::path& path, const Locations& locations,
+                                                   MemoryTag tag, const cache::PartStore::Validate& validate) {
+  std::vector<cache::Part> parts;
+  std::vector<uint32_t> all;
+  for (const auto& location : locations) {
+    all.push_back(static_cast<uint32_t>(parts.size()));
+    parts.push_back({location.offset_bytes, location.size_bytes});
+  }
+  SPILLWAY_ASSIGN(auto store, cache::PartStore::open(path, std::move(parts), {.tag = tag}, validate));
+  SPILLWAY_TRY(store->sweep(all, [](uint32_t, std::span<const std::byte>) -> Status { return {}; }));
+  return store;
+}
+
+class KernelTracer final : public Tracer {
+ public:
+  KernelTracer(const Store& store, std::unique_ptr<cache::PartStore> parts)
+      : tree_(store.page_tree()), parts_(std::move(parts)), views_(*parts_) {}
+
+  cache::TraceHit nearest(const cache::TraceRay& ray) const override {
+    cache::TraceHit hit = cache::no_hit(ray);
+    cache::TraceCounters work;
+    cache::trace_resident<cache::TraceMode::nearest>(tree_, views_.resident(), ray, hit, work);
+    return hit;
+  }
+  cache::TraceHit occlusion(const cache::TraceRay& ray) const override {
+    cache::TraceHit hit = cache::no_hit(ray);
+    cache::TraceCounters work;
+    cache::trace_resident<cache::TraceMode::occlusion>(tree_, views_.resident(), ray, hit, work);
+    return hit;
+  }
+
+ private:
+  cache::PageTree tree_;
+  std::unique_ptr<cache::PartStore> parts_;
+  PageViews views_;
+};
+
+// One thread's walk down paths.
+class Walker {
+ public:
+  struct Shared {
+    const Tracer& tracer;
+    const ShadeInputs& inputs;
+    const AttributeStore& attributes;
+    Film& film;
+  };
+  explicit Walker(const Shared& shared) : s_(shared) {}
+
+  Status follow(cache::TraceRay ray, PathRecord path) {
+    while (true) {
+      const cache::TraceHit found = s_.tracer.nearest(ray);
+      if (found.prim == PrimId::kNone) {
+        if (shading::has_infinite_light(s_.inputs.settings.lights))
+          splat(escaped_splat(s_.inputs.settings, path, ray.direction_world));
+        return {};
+      }
+      const HitRecord hit{found, ray.direction_world, ray.t_max, path, 0};
+      SPILLWAY_TRY(resolve(hit));
+      if (!query_.stopped) {
+        ray = ray_beyond(hit, point_);
+        path.cone_width = point_.width_world;
+        continue;
+      }
+      const ShadedVertex vertex = shade_vertex(s_.inputs.settings, hit, point_, query_.values);
+      if (s_.inputs.wants_aovs && path.bounce == 0) {
+        const AovRecord aovs = first_hit_aovs(query_);
+        s_.film.add_aovs({&aovs, 1});
+      }
+      if (vertex.has_splat) splat(vertex.splat);
+      if (vertex.has_shadow) SPILLWAY_TRY(follow_shadow(vertex.shadow_ray, vertex.shadow));
+      if (!vertex.has_path) return {};
+      ray = vertex.path_ray, path = vertex.path;
+    }
+  }
+
+ private:
+  void splat(const SplatRecord& record) { s_.film.add({&record, 1}); }
+
+  Status follow_shadow(cache::TraceRay ray, const ShadowRecord& shadow) {
+    while (true) {
+      const cache::TraceHit found = s_.tracer.occlusion(ray);
+      if (found.flags & cache::kHitOccluded) return {};
+      if (found.prim == PrimId::kNone) {
+        splat({shadow.sink, shadow.sample, shadow_event(shadow.bounce), shadow.contribution});
+        return {};
+      }
+      HitRecord hit{found, ray.direction_world, ray.t_max, {}, 1};
+      hit.path.sink = shadow.sink, hit.path.sample = shadow.sample;
+      hit.path.bounce = shadow.bounce, hit.path.throughput = shadow.contribution;
+      SPILLWAY_TRY(resolve(hit));
+      if (query_.stopped) return {};
+      ray = ray_beyond(hit, point_);
+    }
+  }
+
+  Status resolve(const HitRecord& hit) {
+    const PrimId prim{hit.hit.prim};
+    const auto triangle =
+        cache::triangle_attributes(s_.attributes.resident(s_.attributes.block_of(prim.value)), prim);
+    InstanceTransform transform;
+    if (hit.hit.instance != 0) {
+      const cache::Instance& instance = s_.inputs.instances[hit.hit.instance];
+      transform = {&instance.world_from_object, &instance.object_from_world};
+    }
+    const bool flip = s_.inputs.tables.meshes[triangle.mesh.value].flags & kMeshFlipNormals;
+    point_ = shading_point(triangle, hit, transform, flip);
+    query_ = SurfaceQuery{&hit, &point_, triangle.mesh.value, true, 0, {}};
+    return s_.inputs.resolver->resolve({&query_, 1}, scratch_);
+  }
+
+  Shared s_;
+  ShadingPoint point_;
+  SurfaceQuery query_;
+  MaterialResolver::Scratch scratch_;
+};
+
+struct ReferenceState {
+  std::unique_ptr<AttributeStore> attributes;
+  std::unique_ptr<cache::TextureCache> textures;
+  std::unique_ptr<TextureEvaluator> evaluator;
+  std::unique_ptr<MaterialResolver> resolver;
+  ShadeInputs inputs;
+};
+
+Status open(const Store& store, const ReferenceOptions& options, ReferenceState& state) {
+  SPILLWAY_ASSIGN(auto parts, load_all(store.attributes_path(), store.attributes(), MemoryTag::attributes,
+                                       cache::validate_attribute_block));
+  state.attributes = std::make_unique<AttributeStore>(std::move(parts), store.attributes());
+  if (!store.images().empty()) {
+    SPILLWAY_ASSIGN(state.textures,
+                    cache::TextureCache::open(store.textures_path(), store.images(),
+                                              {.memory_limit_bytes = cache::TextureCache::bytes_for_all(store.images())}));
+  }
+  state.evaluator = std::make_unique<TextureEvaluator>(store.textures(), state.textures.get());
+  const RenderSettings& render = options.settings.render;
+  state.inputs.settings = {store.light_table(), render.max_depth, render.seed};
+  state.inputs.tables = {store.meshes(), store.materials(), state.evaluator.get()};
+  state.inputs.instances = store.page_tree().instances;
+  state.resolver = std::make_unique<MaterialResolver>(state.inputs.tables, render.seed);
+  state.inputs.resolver = state.resolver.get();
+  state.inputs.wants_aovs = options.aov_layers;
+  return {};
+}
+
+}  // namespace
+
+Result<std::unique_ptr<Tracer>> kernel_tracer(const Store& store) {
+  SPILLWAY_ASSIGN(auto parts, load_all(store.trace_pages_path(), store.pages(), MemoryTag::pages,
+                                       cache::validate_trace_page));
+  return std::unique_ptr<Tracer>(std::make_unique<KernelTracer>(store, std::move(parts)));
+}
+
+Result<std::unique_ptr<Film>> render_reference(const Store& store, const Tracer& tracer,
+                                               const ReferenceOptions& options) {
+  ReferenceState state;
+  SPILLWAY_TRY(open(store, options, state));
+  const SceneSettings& settings = options.settings;
+  SPILLWAY_ASSIGN(Film empty, Film::create(film_shape(settings, options.aov_layers), film_identity(store, settings)));
+  auto film = std::make_unique<Film>(std::move(empty));
+  const uint32_t spp = settings.render.samples_per_pixel;
+  CameraRays camera(settings.camera, settings.filter, pixel_window(settings), settings.render.seed);
+  const Walker::Shared shared{tracer, state.inputs, *state.attributes, *film};
+  tbb::enumerable_thread_specific<Walker> walkers([&] { return Walker(shared); });
+  constexpr size_t kBatch = 1 << 16;
+  std::vector<cache::TraceRay> rays(kBatch);
+  std::vector<PathRecord> paths(kBatch);
+  std::mutex mutex;
+  Status failure;
+  for (const uint32_t half : {0u, 1u}) {
+    const uint32_t samples = half == 0 ? (spp + 1) / 2 : spp / 2;
+    if (samples == 0) continue;
+    camera.begin({half, 0, samples});
+    while (!camera.exhausted()) {
+      const size_t made = camera.generate_rays(kBatch, rays.data(), paths.data());
+      parallel_blocks(made, 256, [&](size_t, size_t first, size_t last) {
+        for (size_t i = first; i < last; ++i) {
+          if (const Status status = walkers.local().follow(rays[i], paths[i]); !status) {
+            const std::lock_guard lock(mutex);
+            failure = status;
+          }
+        }
+      });
+      if (!failure) return failure.error();
+    }
+    film->set_half_samples(static_cast<int>(half), samples);
+  }
+  return film;
+}
+
+}  // namespace spillway::test

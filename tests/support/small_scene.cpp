@@ -1,0 +1,226 @@
+#include "tests/support/small_scene.h"
+
+#include <OpenImageIO/imageio.h>
+#include <unistd.h>
+
+#include <cmath>
+#include <cstdlib>
+#include <vector>
+
+namespace spillway::test {
+namespace {
+
+using namespace pipeline;
+
+struct MeshData {
+  std::vector<Float3> positions, normals;
+  std::vector<Float2> uvs;
+  std::vector<uint32_t> indices;
+};
+
+// A grid of n x n quads over the parallelogram at `corner`.
+MeshData grid(Float3 corner, Float3 edge_u, Float3 edge_v, uint32_t n) {
+  MeshData mesh;
+  for (uint32_t j = 0; j <= n; ++j)
+    for (uint32_t i = 0; i <= n; ++i) {
+      const Float2 uv{static_cast<float>(i) / static_cast<float>(n), static_cast<float>(j) / static_cast<float>(n)};
+      mesh.positions.push_back(corner + edge_u * uv.x + edge_v * uv.y);
+      mesh.uvs.push_back(uv);
+    }
+  for (uint32_t j = 0; j < n; ++j)
+    for (uint32_t i = 0; i < n; ++i) {
+      const uint32_t a = j * (n + 1) + i, b = a + 1, c = a + n + 1, d = c + 1;
+      mesh.indices.insert(mesh.indices.end(), {a, b, d, a, d, c});
+    }
+  return mesh;
+}
+
+MeshData sphere(Float3 center, float radius, uint32_t n) {
+  MeshData mesh = grid({0, 0, 0}, {1, 0, 0}, {0, 1, 0}, n);
+  for (size_t i = 0; i < mesh.positions.size(); ++i) {
+    const double phi = 2 * M_PI * mesh.uvs[i].x, theta = M_PI * (0.02 + 0.96 * mesh.uvs[i].y);
+    const Float3 d{static_cast<float>(std::sin(theta) * std::cos(phi)), static_cast<float>(std::cos(theta)),
+                   static_cast<float>(std::sin(theta) * std::sin(phi))};
+    mesh.positions[i] = center + d * radius;
+    mesh.normals.push_back(d);
+  }
+  return mesh;
+}
+
+Status write_image(const std::filesystem::path& path, int size, int channels, uint32_t (*texel)(int, int, int)) {
+  std::vector<uint8_t> bytes;
+  for (int y = 0; y < size; ++y)
+    for (int x = 0; x < size; ++x)
+      for (int c = 0; c < channels; ++c) bytes.push_back(static_cast<uint8_t>(texel(x, y, c)));
+  const auto output = OIIO::ImageOutput::create(path.string());
+  if (!output || !output->open(path.string(), OIIO::ImageSpec(size, size, channels, OIIO::TypeUInt8)) ||
+      !output->write_image(OIIO::TypeUInt8, bytes.data()) || !output->close())
+    return error("{}: the test image cannot be written", path.string());
+  return {};
+}
+
+uint32_t checks(int x, int y, int c) { return ((x / 16 + y / 16) % 2 ? 200u : 60u) + static_cast<uint32_t>(c * 10 + x % 7); }
+uint32_t holes(int x, int y, int) {
+  const int dx = x % 32 - 16, dy = y % 32 - 16;
+  const int r2 = dx * dx + dy * dy;
+  return r2 < 64 ? 0u : r2 < 110 ? 120u : 255u;
+}
+uint32_t waves(int x, int y, int) { return static_cast<uint32_t>(128 + 100 * std::sin(0.3 * x) * std::cos(0.2 * y)); }
+
+Param constant(float r, float g, float b) {
+  Param p;
+  p.constant = {r, g, b};
+  return p;
+}
+
+class Builder {
+ public:
+  Builder(ScenePacker& packer, std::filesystem::path images) : packer_(packer), images_(std::move(images)) {}
+
+  Result<uint32_t> image(const char* name, int size, int channels, uint32_t (*texel)(int, int, int), float scale) {
+    const auto path = images_ / name;
+    SPILLWAY_TRY(write_image(path, size, channels, texel));
+    SPILLWAY_ASSIGN(const ImageId id, packer_.add_image(path, cache::TexelEncoding::linear));
+    TextureNode node;
+    node.kind = TextureKind::image;
+    node.image = id.value;
+    node.filter = cache::TexelFilter::trilinear;
+    node.uv_scale[0] = node.uv_scale[1] = 2;
+    for (float& v : node.value) v = scale;
+    SPILLWAY_ASSIGN(const TextureId texture, packer_.add_texture(node));
+    return texture.value;
+  }
+
+  Result<MaterialId> material(MaterialKind kind, Param reflectance, float roughness) {
+    Material m;
+    m.kind = kind;
+    m.reflectance = reflectance;
+    m.remap_roughness = 0;
+    m.u_roughness = m.v_roughness = constant(roughness, roughness, roughness);
+    m.conductor_eta = constant(0.2f, 0.9f, 1.1f), m.conductor_k = constant(3.9f, 2.4f, 2.2f);
+    return packer_.add_material(m, "material");
+  }
+
+  Status mesh(const MeshData& data, MaterialId id, uint32_t object = 0, TextureId alpha = {}, Rgb emission = {0, 0, 0}) {
+    MeshInput input;
+    input.name = fmt::format("mesh {}", count_++);
+    input.positions = data.positions, input.normals = data.normals, input.uvs = data.uvs, input.indices = data.indices;
+    input.material = id, input.alpha = alpha, input.object = object;
+    input.emits = !is_black(emission), input.emission = emission;
+    return packer_.add_mesh(input);
+  }
+
+ private:
+  ScenePacker& packer_;
+  std::filesystem::path images_;
+  int count_ = 0;
+};
+
+SceneSettings settings(const SmallSceneOptions& options) {
+  SceneSettings s;
+  s.camera.world_from_camera.m[1][3] = 1.0f;
+  s.camera.world_from_camera.m[2][3] = -3.5f;
+  s.camera.resolution_x_px = options.resolution_x_px, s.camera.resolution_y_px = options.resolution_y_px;
+  s.camera.tan_half_fov_y = 0.5f;
+  s.camera.tan_half_fov_x = 0.5f * static_cast<float>(options.resolution_x_px) / static_cast<float>(options.resolution_y_px);
+  s.camera.lens_radius = 0.02f, s.camera.focal_distance = 3.5f;
+  s.filter = {shading::FilterKind::mitchell, {2, 2}, 1.0f / 3, 1.0f / 3};
+  s.render.samples_per_pixel = options.samples_per_pixel;
+  s.render.max_depth = 6;
+  return s;
+}
+
+Status add_room(Builder& b, const Param& checks_param, uint32_t bumps) {
+  SPILLWAY_ASSIGN(const MaterialId walls, b.material(MaterialKind::diffuse, constant(0.7f, 0.6f, 0.5f), 0));
+  SPILLWAY_ASSIGN(const MaterialId floor, b.material(MaterialKind::coated_diffuse, checks_param, 0.1f));
+  (void)bumps;
+  SPILLWAY_TRY(b.mesh(grid({-2, 0, -2}, {4, 0, 0}, {0, 0, 4}, 24), floor));
+  SPILLWAY_TRY(b.mesh(grid({-2, 0, 2}, {4, 0, 0}, {0, 3, 0}, 16), walls));
+  SPILLWAY_ASSIGN(const MaterialId black, b.material(MaterialKind::diffuse, constant(0, 0, 0), 0));
+  return b.mesh(grid({-0.5f, 2.9f, -0.5f}, {1, 0, 0}, {0, 0, 1}, 2), black, 0, {}, {12, 11, 9});
+}
+
+Status add_objects(Builder& b, ScenePacker& packer) {
+  SPILLWAY_ASSIGN(const MaterialId glass, b.material(MaterialKind::dielectric, {}, 0));
+  SPILLWAY_ASSIGN(const MaterialId frosted, b.material(MaterialKind::dielectric, {}, 0.2f));
+  SPILLWAY_ASSIGN(const MaterialId metal, b.material(MaterialKind::conductor, {}, 0.15f));
+  SPILLWAY_ASSIGN(const MaterialId coated_metal, b.material(MaterialKind::coated_conductor, {}, 0.05f));
+  SPILLWAY_TRY(b.mesh(sphere({-0.8f, 0.5f, 0.2f}, 0.5f, 24), glass));
+  SPILLWAY_TRY(b.mesh(sphere({0.9f, 0.4f, 0.0f}, 0.4f, 24), metal));
+  SPILLWAY_TRY(b.mesh(sphere({0.1f, 0.3f, -0.6f}, 0.3f, 16), frosted));
+  const uint32_t object = packer.begin_object("ball");
+  SPILLWAY_TRY(b.mesh(sphere({0, 0, 0}, 0.2f, 16), coated_metal, object));
+  for (int i = 0; i < 5; ++i) {
+    Affine3 place;
+    const float size = 0.6f + 0.2f * static_cast<float>(i);
+    place.m[0][0] = i == 2 ? -size : size, place.m[1][1] = size, place.m[2][2] = size;
+    place.m[0][3] = -1.5f + 0.7f * static_cast<float>(i), place.m[1][3] = 0.9f + 0.2f * static_cast<float>(i % 2);
+    place.m[2][3] = 1.2f;
+    SPILLWAY_TRY(packer.add_instance(object, place));
+  }
+  return {};
+}
+
+Status add_everything(ScenePacker& packer, const std::filesystem::path& images) {
+  Builder b(packer, images);
+  SPILLWAY_ASSIGN(const uint32_t check_texture, b.image("checks.png", 128, 3, checks, 1));
+  SPILLWAY_ASSIGN(const uint32_t hole_texture, b.image("holes.png", 128, 1, holes, 1));
+  SPILLWAY_ASSIGN(const uint32_t wave_texture, b.image("waves.png", 64, 1, waves, 0.05f));
+  Param checked;
+  checked.texture = check_texture;
+  SPILLWAY_TRY(add_room(b, checked, wave_texture));
+  SPILLWAY_TRY(add_objects(b, packer));
+  Material fence;
+  fence.reflectance = constant(0.2f, 0.5f, 0.2f);
+  fence.displacement = wave_texture;
+  SPILLWAY_ASSIGN(const MaterialId fence_id, packer.add_material(fence, "fence"));
+  Material mix;
+  mix.kind = MaterialKind::mix;
+  mix.mix_material[0] = fence_id.value;
+  SPILLWAY_ASSIGN(const MaterialId red, b.material(MaterialKind::diffuse, constant(0.7f, 0.1f, 0.1f), 0));
+  mix.mix_material[1] = red.value;
+  mix.mix_amount.texture = hole_texture;
+  SPILLWAY_ASSIGN(const MaterialId mixed, packer.add_material(mix, "mix"));
+  // Two walls with holes, one behind the other, and twice the same wall in the same place: ties.
+  for (const float z : {-1.0f, 0.6f, 0.6f})
+    SPILLWAY_TRY(b.mesh(grid({-1.2f, 0, z}, {2.4f, 0, 0}, {0, 1.6f, 0}, 6), mixed, 0, TextureId{hole_texture}));
+  shading::Light spot{};
+  spot.kind = shading::LightKind::spot;
+  spot.radiance = {8, 6, 4};
+  spot.position = {1.5f, 2.5f, -1.5f};
+  spot.edge1 = normalize(Float3{-1, -1.5f, 1});
+  spot.cos_total = 0.8f, spot.cos_falloff = 0.9f;
+  SPILLWAY_TRY(packer.add_light(spot));
+  shading::Light sky{};
+  sky.kind = shading::LightKind::infinite;
+  sky.radiance = {0.2f, 0.25f, 0.4f};
+  return packer.add_light(sky);
+}
+
+}  // namespace
+
+TemporaryDirectory::TemporaryDirectory() {
+  std::string name = (std::filesystem::temp_directory_path() / "spillway-test-XXXXXX").string();
+  if (mkdtemp(name.data()) == nullptr) std::abort();
+  path_ = name;
+}
+
+TemporaryDirectory::~TemporaryDirectory() {
+  std::error_code code;
+  std::filesystem::remove_all(path_, code);
+}
+
+Result<Store> pack_small_scene(const std::filesystem::path& directory, const std::string& name,
+                               const SmallSceneOptions& options) {
+  PackOptions pack;
+  pack.max_triangles_per_page = options.max_triangles_per_page;
+  pack.tree = options.tree;
+  const auto store = directory / (name + ".store");
+  SPILLWAY_ASSIGN(const auto packer, ScenePacker::create(store, pack));
+  packer->set_settings(settings(options));
+  SPILLWAY_TRY(add_everything(*packer, directory));
+  SPILLWAY_TRY(packer->finish());
+  return Store::open(store);
+}
+
+}  // namespace spillway::test

@@ -1,0 +1,39 @@
+#pragma once
+
+// A small scene built in code that uses every part of the renderer: textures, a mix, an alpha mask, bumps, glass, metal,
+// coats, instances (one mirrored), an area light, a spot, a constant sky; a few thousand triangles in several pages.
+
+#include <filesystem>
+#include <memory>
+
+#include "pipeline/pack/scene_packer.h"
+#include "pipeline/store.h"
+
+namespace spillway::test {
+
+// A directory of its own for one test, removed with everything in it.
+class TemporaryDirectory {
+ public:
+  TemporaryDirectory();
+  ~TemporaryDirectory();
+  TemporaryDirectory(const TemporaryDirectory&) = delete;
+  TemporaryDirectory& operator=(const TemporaryDirectory&) = delete;
+  [[nodiscard]] const std::filesystem::path& path() const { return path_; }
+
+ private:
+  std::filesystem::path path_;
+};
+
+struct SmallSceneOptions {
+  uint32_t max_triangles_per_page = 128;
+  uint32_t max_faces_per_attribute_block = 512;
+  pipeline::BuildOptions tree;
+  uint32_t resolution_x_px = 48, resolution_y_px = 32;
+  uint32_t samples_per_pixel = 4;
+};
+
+// Packs the scene below `directory` and opens it.
+Result<pipeline::Store> pack_small_scene(const std::filesystem::path& directory, const std::string& name,
+                                         const SmallSceneOptions& options);
+
+}  // namespace spillway::test

@@ -1,0 +1,92 @@
+#pragma once
+
+// A scene sink that keeps all it hears, and checks what every sink may rely on.
+
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "pipeline/pack/scene_sink.h"
+
+namespace spillway::tools {
+
+struct RecordedMesh {
+  pipeline::MeshInput input;  // its spans are not to be used: the arrays below are copies
+  std::vector<Float3> positions, normals;
+  std::vector<Float2> uvs;
+  std::vector<uint32_t> indices;
+};
+
+class RecordingSink : public pipeline::SceneSink {
+ public:
+  bool keep_meshes = true;  // else only counted
+  std::vector<std::pair<std::string, cache::TexelEncoding>> images;
+  std::vector<pipeline::TextureNode> textures;
+  std::vector<pipeline::Material> materials;
+  std::vector<std::string> material_names;
+  std::vector<shading::Light> lights;
+  std::vector<std::string> objects;
+  std::vector<RecordedMesh> meshes;
+  std::vector<std::pair<uint32_t, Affine3>> instances;
+  pipeline::SceneSettings settings;
+  int settings_count = 0, finish_count = 0;
+  uint64_t mesh_count = 0, triangle_count = 0;
+  std::string contract;  // what the importer did wrong, or empty
+
+  Result<ImageId> add_image(const std::filesystem::path& file, cache::TexelEncoding encoding) override {
+    images.emplace_back(file.filename().string(), encoding);
+    return ImageId{static_cast<uint32_t>(images.size() - 1)};
+  }
+  Result<TextureId> add_texture(const pipeline::TextureNode& node) override {
+    if (node.kind == pipeline::TextureKind::image && node.image >= images.size()) contract = "image after its texture";
+    for (const uint32_t child : node.child) {
+      if (child != TextureId::kNone && child >= textures.size()) contract = "texture before its children";
+    }
+    textures.push_back(node);
+    return TextureId{static_cast<uint32_t>(textures.size() - 1)};
+  }
+  Result<MaterialId> add_material(const pipeline::Material& material, std::string name) override {
+    for (const uint32_t part : material.mix_material) {
+      if (part != MaterialId::kNone && part >= materials.size()) contract = "material before its parts";
+    }
+    materials.push_back(material);
+    material_names.push_back(std::move(name));
+    return MaterialId{static_cast<uint32_t>(materials.size() - 1)};
+  }
+  Status add_light(const shading::Light& light) override {
+    lights.push_back(light);
+    return {};
+  }
+  uint32_t begin_object(std::string name) override {
+    objects.push_back(std::move(name));
+    return static_cast<uint32_t>(objects.size());
+  }
+  Status add_mesh(const pipeline::MeshInput& mesh) override {
+    if (mesh.material.value >= materials.size()) contract = "mesh before its material";
+    if (mesh.alpha.valid() && mesh.alpha.value >= textures.size()) contract = "mesh before its alpha";
+    if (mesh.object > objects.size()) contract = "mesh of no object";
+    for (const uint32_t index : mesh.indices) {
+      if (index >= mesh.positions.size()) contract = "index out of range";
+    }
+    ++mesh_count, triangle_count += mesh.indices.size() / 3;
+    if (!keep_meshes) return {};
+    meshes.push_back({mesh,
+                      {mesh.positions.begin(), mesh.positions.end()},
+                      {mesh.normals.begin(), mesh.normals.end()},
+                      {mesh.uvs.begin(), mesh.uvs.end()},
+                      {mesh.indices.begin(), mesh.indices.end()}});
+    return {};
+  }
+  Status add_instance(uint32_t object, const Affine3& world_from_object) override {
+    if (object == 0 || object > objects.size()) contract = "instance of no object";
+    instances.emplace_back(object, world_from_object);
+    return {};
+  }
+  void set_settings(const pipeline::SceneSettings& given) override { settings = given, ++settings_count; }
+  Status finish() override {
+    ++finish_count;
+    return {};
+  }
+};
+
+}  // namespace spillway::tools

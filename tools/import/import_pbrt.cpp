@@ -1,0 +1,492 @@
+#include "tools/import/import_pbrt.h"
+
+#include <algorithm>
+#include <array>
+#include <map>
+#include <memory>
+#include <optional>
+#include <utility>
+#include <vector>
+
+#include "tools/import/lights.h"
+#include "tools/import/materials.h"
+#include "tools/import/params.h"
+#include "tools/import/session.h"
+#include "tools/import/settings.h"
+#include "tools/import/shapes.h"
+#include "tools/import/textures.h"
+#include "tools/import/tokens.h"
+#include "tools/import/transform.h"
+#include "tools/import/transform_directives.h"
+
+namespace spillway::tools {
+namespace {
+
+// Far above any scene; below what the stack of this process holds.
+constexpr size_t kMaxIncludeDepth = 32, kMaxAttributeDepth = 1024;
+// Files opened in all: a file that includes the next one twice, and so on, doubles at each step.
+constexpr size_t kMaxIncludes = 100000;
+
+// What Attribute directives add to later directives of one kind.
+enum Target : size_t { kShapeTarget, kLightTarget, kMaterialTarget, kMediumTarget, kTextureTarget, kTargetCount };
+constexpr std::array<std::string_view, kTargetCount> kTargetNames = {"shape", "light", "material", "medium", "texture"};
+
+struct GraphicsState {
+  Transform transform;  // the current one: world from shape (before WorldBegin: camera from world)
+  bool reverse_orientation = false;
+  std::shared_ptr<MaterialDefinition> material;  // none: look up the name
+  Token material_name;
+  std::optional<AreaEmission> emission;
+  std::array<std::shared_ptr<const ParamList>, kTargetCount> attributes;
+};
+
+struct OpenScope {
+  Token directive;
+  GraphicsState outer;
+};
+
+struct Object {
+  uint32_t index = 0;
+  Place place;
+  uint64_t mesh_count = 0;
+};
+
+enum class Where : uint8_t { options, world, anywhere };
+
+class Importer {
+ public:
+  explicit Importer(Session& session) : session_(session), textures_(session), materials_(session, textures_) {
+    state_.material = materials_.standard();
+  }
+
+  Status run(const std::filesystem::path& scene) {
+    SPILLWAY_TRY(run_file(scene, nullptr));
+    if (!scopes_.empty()) {
+      return error_at(scopes_.back().directive.place, "{} is never ended", scopes_.back().directive.text);
+    }
+    if (!in_world_) return error("{}: no WorldBegin: not a whole scene?", scene.string());
+    return {};
+  }
+
+ private:
+  using Handler = Status (Importer::*)(Tokenizer&, const Token&);
+  struct Directive {
+    std::string_view name;
+    Where where;
+    Handler handler;
+  };
+
+  // ---- files ----
+
+  Status run_file(const std::filesystem::path& path, const Token* included_by) {
+    std::error_code code;
+    const std::filesystem::path canonical = std::filesystem::weakly_canonical(path, code);
+    if (std::find(open_files_.begin(), open_files_.end(), canonical) != open_files_.end()) {
+      return error_at(included_by->place, "{} includes itself", path.string());
+    }
+    if (open_files_.size() == kMaxIncludeDepth) {
+      return error_at(included_by->place, "files include one another more than {} deep", kMaxIncludeDepth);
+    }
+    if (session_.file_names.size() > kMaxIncludes) {
+      return error_at(included_by->place, "more than {} files are included", kMaxIncludes);
+    }
+    const std::string* name = &session_.file_names.emplace_back(path.string());
+    Result<std::unique_ptr<Tokenizer>> tokens = Tokenizer::open(path, name);
+    if (!tokens)
+      return included_by == nullptr ? tokens.error() : error_at(included_by->place, "{}", tokens.error().message);
+    open_files_.push_back(canonical);
+    SPILLWAY_TRY(run_tokens(**tokens));
+    open_files_.pop_back();
+    return {};
+  }
+
+  Status run_tokens(Tokenizer& tokens) {
+    for (;;) {
+      SPILLWAY_ASSIGN(const Token token, tokens.take());
+      if (token.kind == TokenKind::end) return {};
+      SPILLWAY_TRY(run_directive(tokens, token));
+    }
+  }
+
+  Status run_directive(Tokenizer& tokens, const Token& token) {
+    for (const Directive& directive : kDirectives) {
+      if (token.kind != TokenKind::word || directive.name != token.text) continue;
+      if (directive.where == Where::options && in_world_) {
+        return error_at(token.place, "{} belongs before WorldBegin", token.text);
+      }
+      if (directive.where == Where::world && !in_world_) {
+        return error_at(token.place, "{} belongs after WorldBegin", token.text);
+      }
+      return (this->*directive.handler)(tokens, token);
+    }
+    if (token.kind != TokenKind::word)
+      return error_at(token.place, "{} where a directive is expected", to_string(token));
+    SPILLWAY_TRY(session_.ignorable(token.place, "unknown directive {}", to_string(token)));
+    return skip_arguments(tokens);
+  }
+
+  // Everything up to what may be the next directive.
+  Status skip_arguments(Tokenizer& tokens) {
+    for (;;) {
+      SPILLWAY_ASSIGN(const Token* next, tokens.peek());
+      const bool is_number = next->kind == TokenKind::word && number(*next);
+      const bool is_truth = next->kind == TokenKind::word && (next->text == "true" || next->text == "false");
+      if (next->kind == TokenKind::end || (next->kind == TokenKind::word && !is_number && !is_truth)) return {};
+      SPILLWAY_ASSIGN([[maybe_unused]] const Token skipped, tokens.take());
+    }
+  }
+
+  Status include(Tokenizer& tokens, const Token& directive) {
+    SPILLWAY_ASSIGN(const Token file, read_string_token(tokens, directive.text));
+    return run_file(session_.resolved(file.text), &file);
+  }
+
+  // Like Include, in a scope of its own.
+  Status import(Tokenizer& tokens, const Token& directive) {
+    SPILLWAY_ASSIGN(const Token file, read_string_token(tokens, directive.text));
+    const size_t depth = scopes_.size();
+    SPILLWAY_TRY(push_scope(directive));
+    SPILLWAY_TRY(run_file(session_.resolved(file.text), &file));
+    if (scopes_.size() != depth + 1) return error_at(file.place, "{} does not end what it begins", to_string(file));
+    pop_scope();
+    return {};
+  }
+
+  // ---- scopes ----
+
+  Status push_scope(const Token& directive) {
+    if (scopes_.size() == kMaxAttributeDepth)
+      return error_at(directive.place, "scopes nest more than {} deep", kMaxAttributeDepth);
+    scopes_.push_back({directive, state_});
+    return {};
+  }
+
+  void pop_scope() {
+    state_ = std::move(scopes_.back().outer);
+    scopes_.pop_back();
+  }
+
+  Status attribute_begin(Tokenizer&, const Token& directive) { return push_scope(directive); }
+
+  Status attribute_end(Tokenizer&, const Token& directive) {
+    const std::string begin = directive.text.substr(0, directive.text.size() - 3) + "Begin";
+    if (scopes_.empty()) return error_at(directive.place, "{} without {}", directive.text, begin);
+    const Token& open = scopes_.back().directive;
+    if (open.text != begin) {
+      return error_at(directive.place, "{} cannot end the {} at {}", directive.text, open.text, to_string(open.place));
+    }
+    pop_scope();
+    return {};
+  }
+
+  Status transform_begin(Tokenizer&, const Token& directive) {
+    session_.warn(directive.place, "TransformBegin is deprecated: it keeps everything, as AttributeBegin does");
+    return push_scope(directive);
+  }
+
+  Status attribute(Tokenizer& tokens, const Token& directive) {
+    SPILLWAY_ASSIGN(const Token target, read_string_token(tokens, directive.text));
+    SPILLWAY_ASSIGN(ParamList added, read_params(tokens));
+    const auto at = std::find(kTargetNames.begin(), kTargetNames.end(), target.text);
+    if (at == kTargetNames.end()) {
+      return error_at(target.place,
+                      "unknown target {}: use \"shape\", \"light\", \"material\", \"medium\" or \"texture\"",
+                      to_string(target));
+    }
+    std::shared_ptr<const ParamList>& kept = state_.attributes[static_cast<size_t>(at - kTargetNames.begin())];
+    if (kept) added.inherit(*kept);  // what is said later wins
+    if (added.parameters.size() > kMaxParameters) {
+      return error_at(target.place, "more than {} attributes of one kind", kMaxParameters);
+    }
+    kept = std::make_shared<const ParamList>(std::move(added));
+    return {};
+  }
+
+  Result<ParamList> params_with_attributes(Tokenizer& tokens, Target target) {
+    SPILLWAY_ASSIGN(ParamList params, read_params(tokens));
+    if (state_.attributes[target]) params.inherit(*state_.attributes[target]);
+    return params;
+  }
+
+  // ---- transforms ----
+
+  Status transform(Tokenizer& tokens, const Token& directive) {
+    SPILLWAY_ASSIGN(state_.transform, read_transform(tokens, directive, state_.transform));
+    return {};
+  }
+
+  Status name_system(Tokenizer& tokens, const Token& directive) {
+    SPILLWAY_ASSIGN(const Token name, read_string_token(tokens, directive.text));
+    systems_[name.text] = state_.transform;
+    return {};
+  }
+
+  Status recall_system(Tokenizer& tokens, const Token& directive) {
+    SPILLWAY_ASSIGN(const Token name, read_string_token(tokens, directive.text));
+    const auto at = systems_.find(name.text);
+    if (at == systems_.end()) return error_at(name.place, "there is no coordinate system {}", to_string(name));
+    state_.transform = at->second;
+    return {};
+  }
+
+  Status reverse_orientation(Tokenizer&, const Token&) {
+    state_.reverse_orientation = !state_.reverse_orientation;
+    return {};
+  }
+
+  Status transform_times(Tokenizer& tokens, const Token& directive) {
+    SPILLWAY_ASSIGN([[maybe_unused]] const std::vector<double> times, read_numbers(tokens, 2, false, directive.text));
+    return session_.ignorable(directive.place, "TransformTimes: motion is not supported yet");
+  }
+
+  Status active_transform(Tokenizer& tokens, const Token& directive) {
+    SPILLWAY_ASSIGN(const Token which, tokens.take());
+    if (which.text == "All") return {};
+    return error_at(which.place, "{} {}: motion is not supported yet", directive.text, to_string(which));
+  }
+
+  // ---- before the world ----
+
+  Status wait(Tokenizer& tokens, const Token& directive, std::optional<Waiting>& waiting) {
+    SPILLWAY_ASSIGN(const Token type, read_string_token(tokens, directive.text));
+    SPILLWAY_ASSIGN(ParamList params, read_params(tokens));
+    if (waiting)
+      session_.warn(directive.place, "{} is given again: this one replaces that at {}", directive.text,
+                    to_string(waiting->place));
+    waiting = Waiting{type.text, std::move(params), type.place};
+    return {};
+  }
+
+  Status camera(Tokenizer& tokens, const Token& directive) {
+    options_.camera_from_world = state_.transform;
+    systems_["camera"] = state_.transform.inverse();
+    return wait(tokens, directive, options_.camera);
+  }
+  Status film(Tokenizer& tokens, const Token& directive) { return wait(tokens, directive, options_.film); }
+  Status filter(Tokenizer& tokens, const Token& directive) { return wait(tokens, directive, options_.filter); }
+  Status sampler(Tokenizer& tokens, const Token& directive) { return wait(tokens, directive, options_.sampler); }
+  Status integrator(Tokenizer& tokens, const Token& directive) { return wait(tokens, directive, options_.integrator); }
+
+  // pbrt's own trees: nothing to take from it.
+  Status accelerator(Tokenizer& tokens, const Token& directive) {
+    std::optional<Waiting> ignored;
+    return wait(tokens, directive, ignored);
+  }
+
+  Status option(Tokenizer& tokens, const Token&) {
+    SPILLWAY_ASSIGN(const ParamList params, read_params(tokens));
+    return read_option(session_, params, options_);
+  }
+
+  Status color_space(Tokenizer& tokens, const Token& directive) {
+    SPILLWAY_ASSIGN(const Token name, read_string_token(tokens, directive.text));
+    if (name.text == "srgb") return {};
+    return error_at(name.place, "color space {} is not supported: use \"srgb\"", to_string(name));
+  }
+
+  Status world_begin(Tokenizer&, const Token&) {
+    SPILLWAY_ASSIGN(const pipeline::SceneSettings settings, build_settings(session_, options_));
+    session_.sink.set_settings(settings);
+    in_world_ = true;
+    state_.transform = {};
+    systems_["world"] = {};
+    return {};
+  }
+
+  // ---- media ----
+
+  Status named_medium(Tokenizer& tokens, const Token& directive) {
+    SPILLWAY_ASSIGN(const Token name, read_string_token(tokens, directive.text));
+    SPILLWAY_ASSIGN([[maybe_unused]] const ParamList params, read_params(tokens));
+    return session_.ignorable(name.place, "medium {}: media are not supported yet", to_string(name));
+  }
+
+  Status medium_interface(Tokenizer& tokens, const Token& directive) {
+    SPILLWAY_ASSIGN(const Token inside, read_string_token(tokens, directive.text));
+    bool is_vacuum = inside.text.empty();
+    SPILLWAY_ASSIGN(const Token* next, tokens.peek());
+    if (next->kind == TokenKind::string) {
+      SPILLWAY_ASSIGN(const Token outside, tokens.take());
+      is_vacuum = is_vacuum && outside.text.empty();
+    }
+    if (is_vacuum) return {};
+    return session_.ignorable(directive.place, "MediumInterface: media are not supported yet");
+  }
+
+  // ---- materials, textures, lights ----
+
+  Status texture(Tokenizer& tokens, const Token& directive) {
+    SPILLWAY_ASSIGN(const Token name, read_string_token(tokens, directive.text));
+    SPILLWAY_ASSIGN(const Token value, read_string_token(tokens, directive.text));
+    SPILLWAY_ASSIGN(const Token type, read_string_token(tokens, directive.text));
+    SPILLWAY_ASSIGN(ParamList params, params_with_attributes(tokens, kTextureTarget));
+    if (value.text != "float" && value.text != "spectrum") {
+      return error_at(value.place, "a texture holds \"float\" or \"spectrum\", not {}", to_string(value));
+    }
+    const TextureValue kind = value.text == "float" ? TextureValue::real : TextureValue::spectrum;
+    return textures_.define(kind, name, type.text, std::move(params), type.place);
+  }
+
+  Status material(Tokenizer& tokens, const Token& directive) {
+    SPILLWAY_ASSIGN(const Token type, read_string_token(tokens, directive.text));
+    SPILLWAY_ASSIGN(ParamList params, params_with_attributes(tokens, kMaterialTarget));
+    state_.material = std::make_shared<MaterialDefinition>();
+    state_.material->type = type.text;
+    state_.material->params = std::move(params);
+    state_.material->place = type.place;
+    return {};
+  }
+
+  Status make_named_material(Tokenizer& tokens, const Token& directive) {
+    SPILLWAY_ASSIGN(const Token name, read_string_token(tokens, directive.text));
+    SPILLWAY_ASSIGN(ParamList params, params_with_attributes(tokens, kMaterialTarget));
+    return materials_.define(name, std::move(params), name.place);
+  }
+
+  Status named_material(Tokenizer& tokens, const Token& directive) {
+    SPILLWAY_ASSIGN(state_.material_name, read_string_token(tokens, directive.text));
+    state_.material = nullptr;
+    return {};
+  }
+
+  Status area_light(Tokenizer& tokens, const Token& directive) {
+    SPILLWAY_ASSIGN(const Token type, read_string_token(tokens, directive.text));
+    SPILLWAY_ASSIGN(const ParamList params, params_with_attributes(tokens, kLightTarget));
+    SPILLWAY_ASSIGN(state_.emission, read_area_light(session_, type.text, params, type.place));
+    return {};
+  }
+
+  Status light(Tokenizer& tokens, const Token& directive) {
+    SPILLWAY_ASSIGN(const Token type, read_string_token(tokens, directive.text));
+    SPILLWAY_ASSIGN(const ParamList params, params_with_attributes(tokens, kLightTarget));
+    return add_light(session_, type.text, params, type.place, state_.transform);
+  }
+
+  // ---- shapes and objects ----
+
+  Status shape(Tokenizer& tokens, const Token& directive) {
+    SPILLWAY_ASSIGN(const Token type, read_string_token(tokens, directive.text));
+    SPILLWAY_ASSIGN(const ParamList params, params_with_attributes(tokens, kShapeTarget));
+    if (!is_supported_shape(type.text)) {
+      return session_.ignorable(type.place, "shape {} is not supported yet: use \"trianglemesh\" or \"plymesh\"",
+                                to_string(type));
+    }
+    if (!state_.material) {
+      SPILLWAY_ASSIGN(state_.material, materials_.find(state_.material_name.text, state_.material_name.place));
+    }
+    ShapeState shape_state{state_.transform, state_.reverse_orientation, {}, state_.emission, 0};
+    SPILLWAY_ASSIGN(shape_state.material, materials_.use(*state_.material));
+    if (!shape_state.material.valid()) return {};  // has no surface
+    if (object_ != nullptr) shape_state.object = object_->index, ++object_->mesh_count;
+    return add_shape(session_, textures_, type.text, params, directive.place, shape_state);
+  }
+
+  Status object_begin(Tokenizer& tokens, const Token& directive) {
+    SPILLWAY_ASSIGN(const Token name, read_string_token(tokens, directive.text));
+    if (object_ != nullptr)
+      return error_at(directive.place, "ObjectBegin inside the object begun at {}", to_string(object_->place));
+    const auto [at, is_new] = objects_.try_emplace(name.text);
+    if (!is_new) {
+      return error_at(name.place, "object {} is defined twice (first at {}): rename one", to_string(name),
+                      to_string(at->second.place));
+    }
+    SPILLWAY_TRY(push_scope(directive));
+    at->second.index = session_.sink.begin_object(name.text);
+    at->second.place = directive.place;
+    object_ = &at->second;
+    ++session_.report.object_count;
+    return {};
+  }
+
+  Status object_end(Tokenizer& tokens, const Token& directive) {
+    SPILLWAY_TRY(attribute_end(tokens, directive));
+    object_ = nullptr;
+    return {};
+  }
+
+  // An instance adds its transform to what the object's shapes were given: world = instance * shape.
+  Status object_instance(Tokenizer& tokens, const Token& directive) {
+    SPILLWAY_ASSIGN(const Token name, read_string_token(tokens, directive.text));
+    if (object_ != nullptr)
+      return error_at(directive.place, "ObjectInstance inside an object: objects hold shapes only");
+    const auto at = objects_.find(name.text);
+    if (at == objects_.end()) {
+      return error_at(name.place, "there is no object {}: define it before its first instance", to_string(name));
+    }
+    if (at->second.mesh_count == 0) {
+      session_.warn(name.place, "object {} holds nothing: the instance is left out", to_string(name));
+      return {};
+    }
+    const Status added = session_.sink.add_instance(at->second.index, state_.transform.affine());
+    if (!added) return error_at(directive.place, "{}", added.error().message);
+    ++session_.report.instance_count;
+    return {};
+  }
+
+  static const std::array<Directive, 40> kDirectives;
+
+  Session& session_;
+  TextureTable textures_;
+  MaterialTable materials_;
+  GraphicsState state_;
+  std::vector<OpenScope> scopes_;
+  std::vector<std::filesystem::path> open_files_;
+  std::map<std::string, Transform> systems_;
+  std::map<std::string, Object> objects_;
+  Object* object_ = nullptr;  // the one being defined
+  SceneOptions options_;
+  bool in_world_ = false;
+};
+
+const std::array<Importer::Directive, 40> Importer::kDirectives = {{
+    {"Shape", Where::world, &Importer::shape},
+    {"NamedMaterial", Where::world, &Importer::named_material},
+    {"AttributeBegin", Where::world, &Importer::attribute_begin},
+    {"AttributeEnd", Where::world, &Importer::attribute_end},
+    {"ObjectInstance", Where::world, &Importer::object_instance},
+    {"Transform", Where::anywhere, &Importer::transform},
+    {"ConcatTransform", Where::anywhere, &Importer::transform},
+    {"Identity", Where::anywhere, &Importer::transform},
+    {"Translate", Where::anywhere, &Importer::transform},
+    {"Scale", Where::anywhere, &Importer::transform},
+    {"Rotate", Where::anywhere, &Importer::transform},
+    {"LookAt", Where::anywhere, &Importer::transform},
+    {"CoordinateSystem", Where::anywhere, &Importer::name_system},
+    {"CoordSysTransform", Where::anywhere, &Importer::recall_system},
+    {"ReverseOrientation", Where::world, &Importer::reverse_orientation},
+    {"TransformTimes", Where::options, &Importer::transform_times},
+    {"ActiveTransform", Where::anywhere, &Importer::active_transform},
+    {"TransformBegin", Where::world, &Importer::transform_begin},
+    {"TransformEnd", Where::world, &Importer::attribute_end},
+    {"Attribute", Where::anywhere, &Importer::attribute},
+    {"Texture", Where::world, &Importer::texture},
+    {"Material", Where::world, &Importer::material},
+    {"MakeNamedMaterial", Where::world, &Importer::make_named_material},
+    {"AreaLightSource", Where::world, &Importer::area_light},
+    {"LightSource", Where::world, &Importer::light},
+    {"ObjectBegin", Where::world, &Importer::object_begin},
+    {"ObjectEnd", Where::world, &Importer::object_end},
+    {"Include", Where::anywhere, &Importer::include},
+    {"Camera", Where::options, &Importer::camera},
+    {"Film", Where::options, &Importer::film},
+    {"PixelFilter", Where::options, &Importer::filter},
+    {"Sampler", Where::options, &Importer::sampler},
+    {"Integrator", Where::options, &Importer::integrator},
+    {"Option", Where::options, &Importer::option},
+    {"ColorSpace", Where::anywhere, &Importer::color_space},
+    {"Accelerator", Where::options, &Importer::accelerator},
+    {"MakeNamedMedium", Where::anywhere, &Importer::named_medium},
+    {"MediumInterface", Where::anywhere, &Importer::medium_interface},
+    {"Import", Where::world, &Importer::import},
+    {"WorldBegin", Where::options, &Importer::world_begin},
+}};
+
+}  // namespace
+
+Status import_pbrt(const std::filesystem::path& scene, pipeline::SceneSink& sink, const ImportOptions& options,
+                   ImportReport& report) {
+  Session session{sink, options, report, scene.parent_path(), {}};
+  return Importer(session).run(scene);
+}
+
+}  // namespace spillway::tools

@@ -1,0 +1,178 @@
+#include "tools/import/lights.h"
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+
+#include "tools/import/spectra.h"
+
+namespace spillway::tools {
+namespace {
+
+using shading::Light;
+using shading::LightKind;
+
+constexpr float kPi = 3.14159265358979f;
+
+Float3 rounded(Vec3 v) { return {static_cast<float>(v.x), static_cast<float>(v.y), static_cast<float>(v.z)}; }
+Vec3 widened(Float3 v) { return {v.x, v.y, v.z}; }
+
+Result<Rgb> rgb_color(const Parameter& rgb) {
+  SPILLWAY_TRY(expect_count(rgb, rgb.numbers.size(), 3));
+  const Rgb color{rgb.numbers[0], rgb.numbers[1], rgb.numbers[2]};
+  if (std::min({color.r, color.g, color.b}) >= 0) return color;
+  return error_at(rgb.place, "\"{}\" must not be negative", rgb.name);
+}
+
+Result<Rgb> blackbody_color(const Parameter& body) {
+  SPILLWAY_TRY(expect_count(body, body.numbers.size(), 1));
+  // Colder bodies do not glow, and hotter ones look the same (Rayleigh-Jeans).
+  constexpr float kColdest_kelvin = 500, kHottest_kelvin = 1e6f;
+  const float kelvin = body.numbers[0];
+  if (kelvin >= kColdest_kelvin && kelvin <= kHottest_kelvin) return blackbody_rgb(kelvin);
+  return error_at(body.place, "\"blackbody {}\" takes {} to {} kelvin", body.name, kColdest_kelvin, kHottest_kelvin);
+}
+
+Result<Rgb> spectrum_color(const Parameter& spectrum) {
+  if (spectrum.strings.empty()) {
+    if (spectrum.numbers.size() % 2 == 0) {
+      if (const std::optional<Rgb> rgb = light_rgb(spectrum.numbers)) return *rgb;
+    }
+    return error_at(spectrum.place, "\"spectrum {}\" takes pairs of wavelength (nm) and value, some of it visible",
+                    spectrum.name);
+  }
+  if (spectrum.strings[0] == "stdillum-D65") return Rgb{1, 1, 1};  // the white of the colour space
+  return error_at(spectrum.place, "spectrum \"{}\" is not known for lights: give rgb or blackbody",
+                  spectrum.strings[0]);
+}
+
+// A light's spectrum as RGB. pbrt scales what is not RGB to luminance 1; the default is the colour space's white.
+Result<Rgb> light_color(const ParamList& params, std::string_view name) {
+  if (const Parameter* rgb = params.find(ParamType::rgb, name)) return rgb_color(*rgb);
+  if (const Parameter* body = params.find(ParamType::blackbody, name)) return blackbody_color(*body);
+  if (const Parameter* spectrum = params.find(ParamType::spectrum, name)) return spectrum_color(*spectrum);
+  return Rgb{1, 1, 1};
+}
+
+Result<float> read_scale(const ParamList& params) {
+  SPILLWAY_ASSIGN(const float scale, params.real("scale", 1));
+  if (scale >= 0) return scale;
+  return error_at(params.find(ParamType::real, "scale")->place, "\"scale\" of a light must not be negative");
+}
+
+Result<Float3> direction(const ParamList& params, Place place) {
+  SPILLWAY_ASSIGN(const Float3 from, params.point3("from", {0, 0, 0}));
+  SPILLWAY_ASSIGN(const Float3 to, params.point3("to", {0, 0, 1}));
+  const Float3 along = to - from;
+  if (length(along) > 0 && std::isfinite(length(along))) return along;
+  return error_at(place, "\"from\" and \"to\" of a light must be two points");
+}
+
+Result<Float3> unit_axis(const ParamList& params, Place place, const Transform& world_from_light) {
+  SPILLWAY_ASSIGN(const Float3 along, direction(params, place));
+  const Vec3 axis = world_from_light.vector(widened(along));
+  const double size = std::sqrt(axis.x * axis.x + axis.y * axis.y + axis.z * axis.z);
+  return rounded({axis.x / size, axis.y / size, axis.z / size});
+}
+
+Status read_point(const ParamList& params, const Transform& world_from_light, Light& light) {
+  light.kind = LightKind::point;
+  SPILLWAY_ASSIGN(light.radiance, light_color(params, "I"));
+  SPILLWAY_ASSIGN(const Float3 from, params.point3("from", {0, 0, 0}));
+  light.position = rounded(world_from_light.point(widened(from)));
+  SPILLWAY_ASSIGN(const float power, params.real("power", -1));
+  if (power > 0) light.radiance = light.radiance * (power / (4 * kPi));
+  return {};
+}
+
+// The cone: full inside coneangle - conedeltaangle, nothing outside coneangle, a smoothstep in the cosine between.
+Status read_cone(const ParamList& params, Place place, Light& light) {
+  SPILLWAY_ASSIGN(const float outer_deg, params.real("coneangle", 30));
+  SPILLWAY_ASSIGN(const float delta_deg, params.real("conedeltaangle", 5));
+  if (!(outer_deg > 0 && outer_deg <= 180 && delta_deg >= 0)) {
+    return error_at(place, "a spot takes a coneangle above 0, at most 180, and a conedeltaangle of at least 0");
+  }
+  light.cos_total = std::cos(outer_deg * (kPi / 180));
+  light.cos_falloff = std::cos(std::max(outer_deg - delta_deg, 0.0f) * (kPi / 180));
+  return {};
+}
+
+Status read_spot(Session& session, const ParamList& params, Place place, const Transform& world_from_light,
+                 Light& light) {
+  SPILLWAY_TRY(read_point(params, world_from_light, light));
+  light.kind = LightKind::spot;
+  SPILLWAY_ASSIGN(light.edge1, unit_axis(params, place, world_from_light));
+  SPILLWAY_TRY(read_cone(params, place, light));
+  SPILLWAY_ASSIGN(const float power, params.real("power", -1));
+  if (power > 0) {  // read_point has spread it over the sphere; the integral of the cone's falloff is what it is
+    const float solid_angle = 2 * kPi * ((1 - light.cos_falloff) + (light.cos_falloff - light.cos_total) / 2);
+    light.radiance = light.radiance * (4 * kPi / solid_angle);
+  }
+  if (!world_from_light.keeps_angles()) {
+    session.warn(place, "the transform of this spot changes angles: its axis is transformed, its cone stays round");
+  }
+  return {};
+}
+
+Status read_distant(const ParamList& params, Place place, const Transform& world_from_light, Light& light) {
+  light.kind = LightKind::distant;
+  SPILLWAY_ASSIGN(light.radiance, light_color(params, "L"));
+  SPILLWAY_ASSIGN(light.edge1, unit_axis(params, place, world_from_light));
+  SPILLWAY_ASSIGN(const float illuminance, params.real("illuminance", -1));
+  if (illuminance > 0) light.radiance = light.radiance * illuminance;
+  return {};
+}
+
+Status read_infinite(const ParamList& params, Light& light) {
+  light.kind = LightKind::infinite;
+  if (const Parameter* file = params.find(ParamType::string, "filename")) {
+    return error_at(file->place, "infinite lights with an image are not supported yet: give a constant \"L\"");
+  }
+  SPILLWAY_ASSIGN(light.radiance, light_color(params, "L"));
+  SPILLWAY_ASSIGN(const float illuminance, params.real("illuminance", -1));
+  if (illuminance > 0) light.radiance = light.radiance * (illuminance / kPi);  // of a hemisphere of radiance 1
+  return {};
+}
+
+}  // namespace
+
+Result<AreaEmission> read_area_light(Session& session, const std::string& type, const ParamList& params, Place place) {
+  if (type != "diffuse") return error_at(place, "area light \"{}\" is not known: use \"diffuse\"", type);
+  if (const Parameter* file = params.find(ParamType::string, "filename")) {
+    return error_at(file->place, "area lights with an image are not supported yet: give a constant \"L\"");
+  }
+  AreaEmission emission;
+  SPILLWAY_ASSIGN(const Rgb color, light_color(params, "L"));
+  SPILLWAY_ASSIGN(const float scale, read_scale(params));
+  emission.radiance = color * scale;
+  SPILLWAY_ASSIGN(emission.two_sided, params.boolean("twosided", false));
+  SPILLWAY_ASSIGN(const float power, params.real("power", -1));
+  emission.power = std::max(power, 0.0f);
+  SPILLWAY_TRY(params.check_all_used(session, "AreaLightSource \"diffuse\""));
+  return emission;
+}
+
+Status add_light(Session& session, const std::string& type, const ParamList& params, Place place,
+                 const Transform& world_from_light) {
+  Light light{};
+  if (type == "point")
+    SPILLWAY_TRY(read_point(params, world_from_light, light));
+  else if (type == "spot")
+    SPILLWAY_TRY(read_spot(session, params, place, world_from_light, light));
+  else if (type == "distant")
+    SPILLWAY_TRY(read_distant(params, place, world_from_light, light));
+  else if (type == "infinite")
+    SPILLWAY_TRY(read_infinite(params, light));
+  else
+    return session.ignorable(place, "light \"{}\" is not supported: use infinite, distant, point or spot", type);
+  SPILLWAY_ASSIGN(const float scale, read_scale(params));
+  light.radiance = light.radiance * scale;
+  SPILLWAY_TRY(params.check_all_used(session, fmt::format("LightSource \"{}\"", type)));
+  if (!is_finite(light.radiance) || !is_finite(light.position))
+    return error_at(place, "light \"{}\" is not finite", type);
+  if (const Status added = session.sink.add_light(light); !added) return error_at(place, "{}", added.error().message);
+  ++session.report.light_count;
+  return {};
+}
+
+}  // namespace spillway::tools

@@ -1,0 +1,33 @@
+#pragma once
+
+// What stands before WorldBegin: camera, film, filter, sampler, integrator, options, as the scene's settings.
+
+#include <optional>
+#include <string>
+
+#include "tools/import/params.h"
+#include "tools/import/session.h"
+#include "tools/import/transform.h"
+
+namespace spillway::tools {
+
+// A directive that waits for WorldBegin: the camera needs the film's resolution, the film the camera's shutter.
+struct Waiting {
+  std::string type;
+  ParamList params;
+  Place place;
+};
+
+struct SceneOptions {
+  std::optional<Waiting> camera, film, filter, sampler, integrator;
+  Transform camera_from_world;
+  int32_t seed = 0;
+};
+
+// Option "bool name" value.
+Status read_option(Session& session, const ParamList& params, SceneOptions& options);
+
+// pbrt's defaults for what is missing. The film's file name goes into the report.
+Result<pipeline::SceneSettings> build_settings(Session& session, const SceneOptions& options);
+
+}  // namespace spillway::tools

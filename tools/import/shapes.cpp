@@ -1,0 +1,229 @@
+#include "tools/import/shapes.h"
+
+#include <cmath>
+#include <cstring>
+#include <limits>
+
+namespace spillway::tools {
+namespace {
+
+using pipeline::MeshInput;
+
+Float3 rounded(Vec3 v) { return {static_cast<float>(v.x), static_cast<float>(v.y), static_cast<float>(v.z)}; }
+Vec3 widened(Float3 v) { return {v.x, v.y, v.z}; }
+
+// Twice the triangle's area, along its normal by the right-hand rule.
+Float3 area_vector(const PlyMesh& mesh, size_t triangle) {
+  const uint32_t* corner = mesh.indices.data() + 3 * triangle;
+  const Float3 p0 = mesh.positions[corner[0]];
+  return cross(mesh.positions[corner[1]] - p0, mesh.positions[corner[2]] - p0);
+}
+
+Float3 unit_or_zero(Vec3 v) {
+  const double size = std::sqrt(v.x * v.x + v.y * v.y + v.z * v.z);
+  if (!(size > 0) || !std::isfinite(size)) return {0, 0, 0};
+  return rounded({v.x / size, v.y / size, v.z / size});
+}
+
+// Normals that cannot be normalised become the mean of their triangles' (or z, where there is none).
+void repair_normals(PlyMesh& mesh, float side) {
+  constexpr Float3 kZero{0, 0, 0};
+  std::vector<uint32_t> broken;
+  for (uint32_t i = 0; i < mesh.normals.size(); ++i) {
+    if (mesh.normals[i] == kZero) broken.push_back(i);
+  }
+  if (broken.empty()) return;
+  std::vector<bool> is_broken(mesh.normals.size());
+  for (const uint32_t i : broken) is_broken[i] = true;
+  for (size_t i = 0; i < mesh.indices.size(); ++i) {
+    if (is_broken[mesh.indices[i]]) mesh.normals[mesh.indices[i]] += area_vector(mesh, i / 3) * side;
+  }
+  for (const uint32_t i : broken) {
+    const Float3 normal = unit_or_zero(widened(mesh.normals[i]));
+    mesh.normals[i] = normal == kZero ? Float3{0, 0, 1} : normal;
+  }
+}
+
+// With vertex normals, pbrt's geometric normal lies on their side, whatever the winding says. A triangle that
+// disagrees is wound the other way round, so that one flag for the mesh is true of all of it.
+void rewind_against_normals(PlyMesh& mesh, float side) {
+  for (size_t t = 0; t < mesh.indices.size() / 3; ++t) {
+    uint32_t* corner = mesh.indices.data() + 3 * t;
+    const Float3 shading = mesh.normals[corner[0]] + mesh.normals[corner[1]] + mesh.normals[corner[2]];
+    if (dot(area_vector(mesh, t), shading) * side < 0) std::swap(corner[1], corner[2]);
+  }
+}
+
+// ---- reading ----
+
+template <class T>
+std::vector<T> vectors_of(const std::vector<float>& numbers) {
+  std::vector<T> vectors(numbers.size() / (sizeof(T) / sizeof(float)));
+  if (!vectors.empty()) std::memcpy(vectors.data(), numbers.data(), vectors.size() * sizeof(T));
+  return vectors;
+}
+
+// One item a vertex, `width` numbers an item; absent is empty.
+Status read_per_vertex(const ParamList& params, ParamType type, std::string_view name, size_t width, size_t vertices,
+                       std::vector<float>& numbers) {
+  const Parameter* parameter = params.find(type, name);
+  if (parameter == nullptr) return {};
+  SPILLWAY_TRY(expect_count(*parameter, parameter->numbers.size(), width * vertices));
+  numbers = parameter->numbers;
+  return {};
+}
+
+Status read_indices(const ParamList& params, Place place, PlyMesh& mesh) {
+  const Parameter* indices = params.find(ParamType::integer, "indices");
+  if (indices == nullptr) {
+    if (mesh.positions.size() != 3) return error_at(place, "trianglemesh without \"integer indices\"");
+    mesh.indices = {0, 1, 2};
+    return {};
+  }
+  if (indices->integers.empty() || indices->integers.size() % 3 != 0) {
+    return error_at(indices->place, "\"indices\" takes three numbers a triangle, not {} in all",
+                    indices->integers.size());
+  }
+  mesh.indices.reserve(indices->integers.size());
+  for (const int32_t index : indices->integers) {
+    if (index < 0 || static_cast<size_t>(index) >= mesh.positions.size()) {
+      return error_at(indices->place, "\"indices\" names vertex {} of {}", index, mesh.positions.size());
+    }
+    mesh.indices.push_back(static_cast<uint32_t>(index));
+  }
+  return {};
+}
+
+Result<PlyMesh> read_trianglemesh(Session& session, const ParamList& params, Place place) {
+  PlyMesh mesh;
+  const Parameter* points = params.find(ParamType::point3, "P");
+  if (points == nullptr) return error_at(place, "trianglemesh without \"point3 P\"");
+  if (points->numbers.size() % 3 != 0) {
+    return error_at(points->place, "\"P\" takes three numbers a vertex, not {} in all", points->numbers.size());
+  }
+  mesh.positions = vectors_of<Float3>(points->numbers);
+  std::vector<float> normals, uvs;
+  SPILLWAY_TRY(read_per_vertex(params, ParamType::normal3, "N", 3, mesh.positions.size(), normals));
+  SPILLWAY_TRY(read_per_vertex(params, ParamType::point2, "uv", 2, mesh.positions.size(), uvs));
+  mesh.normals = vectors_of<Float3>(normals);
+  mesh.uvs = vectors_of<Float2>(uvs);
+  SPILLWAY_TRY(read_indices(params, place, mesh));
+  if (const Parameter* tangents = params.find(ParamType::vector3, "S")) {
+    session.warn(tangents->place, "tangents \"S\" are not used: they follow from uv");
+  }
+  (void)params.find(ParamType::integer, "faceIndices");  // of face textures alone
+  return mesh;
+}
+
+Result<PlyMesh> read_plymesh(Session& session, const ParamList& params, Place place, std::string& name) {
+  const Parameter* file = params.find(ParamType::string, "filename");
+  if (file == nullptr) return error_at(place, "plymesh without \"string filename\"");
+  SPILLWAY_TRY(expect_count(*file, file->strings.size(), 1));
+  if (const Parameter* displacement = params.find(ParamType::texture, "displacement")) {
+    (void)params.find(ParamType::real, "edgelength");
+    SPILLWAY_TRY(
+        session.ignorable(displacement->place, "displaced meshes are not supported yet: remove \"displacement\""));
+  }
+  name = file->strings[0];
+  Result<PlyMesh> mesh = read_ply(session.resolved(name));
+  if (!mesh) return error_at(file->place, "{}", mesh.error().message);
+  return mesh;
+}
+
+Result<TextureId> read_alpha(TextureTable& textures, const ParamList& params, Place place) {
+  SPILLWAY_ASSIGN(const std::optional<pipeline::Param> alpha, textures.real_param(params, "alpha"));
+  if (!alpha) return TextureId{};
+  if (alpha->texture != TextureId::kNone) return TextureId{alpha->texture};
+  if (alpha->constant.r >= 1) return TextureId{};
+  return textures.add_constant(alpha->constant, place);
+}
+
+// ---- sending ----
+
+Status send(Session& session, const MeshInput& input, Place place) {
+  if (const Status added = session.sink.add_mesh(input); !added) return error_at(place, "{}", added.error().message);
+  ++session.report.mesh_count;
+  session.report.triangle_count += input.indices.size() / 3;
+  return {};
+}
+
+// pbrt makes a light of each triangle and gives each the whole power, so that radiance differs between them: one mesh
+// a triangle says the same.
+Status send_by_power(Session& session, const PlyMesh& mesh, MeshInput input, const AreaEmission& emission,
+                     Place place) {
+  const float sides = emission.two_sided ? 2 : 1;
+  for (size_t t = 0; t < mesh.indices.size() / 3; ++t) {
+    const float area = length(area_vector(mesh, t)) / 2;
+    if (!(area > 0)) continue;
+    input.indices = std::span(mesh.indices).subspan(3 * t, 3);
+    PlyMesh one;
+    for (const uint32_t corner : input.indices) {
+      one.positions.push_back(mesh.positions[corner]);
+      if (!mesh.normals.empty()) one.normals.push_back(mesh.normals[corner]);
+      if (!mesh.uvs.empty()) one.uvs.push_back(mesh.uvs[corner]);
+    }
+    one.indices = {0, 1, 2};
+    input.positions = one.positions, input.normals = one.normals, input.uvs = one.uvs, input.indices = one.indices;
+    input.emission = emission.radiance * (emission.power / (static_cast<float>(M_PI) * area * sides));
+    SPILLWAY_TRY(send(session, input, place));
+  }
+  return {};
+}
+
+Status set_emission(Session& session, const ShapeState& state, Place place, MeshInput& input) {
+  if (!state.emission || is_black(state.emission->radiance)) return {};
+  if (state.object != 0) {
+    return session.ignorable(place,
+                             "area lights inside objects are not supported yet: take the shape out of ObjectBegin");
+  }
+  input.emits = true;
+  input.emission = state.emission->radiance;
+  input.emits_two_sided = state.emission->two_sided;
+  return {};
+}
+
+}  // namespace
+
+bool is_supported_shape(const std::string& type) { return type == "trianglemesh" || type == "plymesh"; }
+
+// pbrt's sides. Without vertex normals, the geometric normal is that of the winding, turned by ReverseOrientation, and
+// turned once more where the transform mirrors (the cross product of mirrored edges points inwards). With vertex
+// normals, these are moved by the inverse transpose, which keeps them outside under mirroring, and turned by
+// ReverseOrientation alone; the geometric normal then takes their side. Area lights emit to the side of the geometric
+// normal. Both rules are met by the flag, with triangles rewound where the two disagree.
+bool place_mesh(PlyMesh& mesh, const Transform& object_from_shape, bool reverse_orientation) {
+  const bool flip = reverse_orientation != (object_from_shape.determinant() < 0);
+  for (Float3& p : mesh.positions) p = rounded(object_from_shape.point(widened(p)));
+  if (mesh.normals.empty()) return flip;
+  const Transform shape_from_object = object_from_shape.inverse();
+  const float normal_side = reverse_orientation ? -1 : 1;
+  for (Float3& n : mesh.normals) n = unit_or_zero(shape_from_object.transposed_vector(widened(n))) * normal_side;
+  const float side = flip ? -1 : 1;
+  repair_normals(mesh, side);
+  rewind_against_normals(mesh, side);
+  return flip;
+}
+
+Status add_shape(Session& session, TextureTable& textures, const std::string& type, const ParamList& params,
+                 Place place, const ShapeState& state) {
+  std::string name = to_string(place);
+  PlyMesh mesh;
+  if (type == "trianglemesh") {
+    SPILLWAY_ASSIGN(mesh, read_trianglemesh(session, params, place));
+  } else {
+    SPILLWAY_ASSIGN(mesh, read_plymesh(session, params, place, name));
+  }
+  MeshInput input;
+  input.name = name;
+  input.material = state.material;
+  input.object = state.object;
+  SPILLWAY_ASSIGN(input.alpha, read_alpha(textures, params, place));
+  SPILLWAY_TRY(set_emission(session, state, place, input));
+  SPILLWAY_TRY(params.check_all_used(session, fmt::format("Shape \"{}\"", type)));
+  input.flip_normals = place_mesh(mesh, state.object_from_shape, state.reverse_orientation);
+  input.positions = mesh.positions, input.normals = mesh.normals, input.uvs = mesh.uvs, input.indices = mesh.indices;
+  if (input.emits && state.emission->power > 0) return send_by_power(session, mesh, input, *state.emission, place);
+  return send(session, input, place);
+}
+
+}  // namespace spillway::tools

@@ -1,0 +1,35 @@
+#pragma once
+
+// Shape: triangle meshes, from the scene's text or a PLY file, moved into the space of their object.
+
+#include <memory>
+#include <optional>
+#include <string>
+
+#include "tools/import/lights.h"
+#include "tools/import/params.h"
+#include "tools/import/ply.h"
+#include "tools/import/session.h"
+#include "tools/import/textures.h"
+#include "tools/import/transform.h"
+
+namespace spillway::tools {
+
+// The part of the graphics state that a shape takes with it.
+struct ShapeState {
+  Transform object_from_shape;  // the current transform: shapes of an object keep theirs, instances add their own
+  bool reverse_orientation = false;
+  MaterialId material;
+  std::optional<AreaEmission> emission;
+  uint32_t object = 0;
+};
+
+[[nodiscard]] bool is_supported_shape(const std::string& type);
+Status add_shape(Session& session, TextureTable& textures, const std::string& type, const ParamList& params,
+                 Place place, const ShapeState& state);
+
+// What add_shape does to a mesh, by itself: moves it, and makes its geometric side and its normals agree.
+// Returns whether the geometric normal is opposite to cross(p1 - p0, p2 - p0).
+bool place_mesh(PlyMesh& mesh, const Transform& object_from_shape, bool reverse_orientation);
+
+}  // namespace spillway::tools

@@ -1,0 +1,65 @@
+#pragma once
+
+// Named textures: defined in any order, sent to the sink when first used, children first.
+
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <utility>
+
+#include "tools/import/params.h"
+#include "tools/import/session.h"
+
+namespace spillway::tools {
+
+// How deep textures and mixed materials may use one another: far above any scene, below any stack.
+inline constexpr int kMaxUseDepth = 64;
+
+enum class TextureValue : uint8_t { real, spectrum };  // pbrt keeps the two kinds under separate names
+enum class SendState : uint8_t { waiting, sending, sent };
+
+// What range of RGB a parameter may have.
+enum class RgbRange : uint8_t { albedo, unbounded };  // 0..1, 0..infinity
+
+class TextureTable {
+ public:
+  explicit TextureTable(Session& session) : session_(session) {}
+
+  Status define(TextureValue value, const Token& name, std::string type, ParamList params, Place place);
+
+  // The node of a named texture. `place` is where it is used.
+  Result<TextureId> use(TextureValue value, const std::string& name, const Place& place);
+  Result<TextureId> add_constant(Rgb value, const Place& place);
+
+  // A material's parameter, given as a value or as a texture; none when absent.
+  Result<std::optional<pipeline::Param>> real_param(const ParamList& params, std::string_view name);
+  Result<std::optional<pipeline::Param>> rgb_param(const ParamList& params, std::string_view name, RgbRange range);
+
+ private:
+  struct Definition {
+    std::string type;
+    ParamList params;
+    Place place;
+    SendState state = SendState::waiting;
+    TextureId id;
+  };
+  using Key = std::pair<TextureValue, std::string>;
+
+  Result<TextureId> send(TextureValue value, const std::string& name, Definition& definition);
+  Result<TextureId> add_node(const pipeline::TextureNode& node, const Place& place);
+  Result<pipeline::TextureNode> constant_node(TextureValue value, const Definition& definition);
+  Result<pipeline::TextureNode> image_node(const Definition& definition);
+  Result<pipeline::TextureNode> scale_node(TextureValue value, const Definition& definition);
+  Result<pipeline::TextureNode> mix_node(TextureValue value, const Definition& definition);
+  Result<ImageId> add_image(const Definition& definition);
+  Result<uint32_t> child(TextureValue value, const Definition& definition, std::string_view name, float otherwise);
+
+  Session& session_;
+  std::map<Key, Definition> definitions_;
+  std::map<std::pair<std::string, cache::TexelEncoding>, ImageId> images_;
+  int depth_ = 0;
+};
+
+}  // namespace spillway::tools

@@ -1,0 +1,31 @@
+#include <fmt/format.h>
+
+#include "tools/commands.h"
+
+namespace spillway::tools {
+
+int fail(const std::string& message, int code) {
+  fmt::print(stderr, "spillway: {}\n", message);
+  return code;
+}
+
+}  // namespace spillway::tools
+
+int main(int argc, char** argv) {
+  using namespace spillway::tools;
+  CLI::App app("Spillway renders frames whose geometry, textures and rays do not fit in memory.");
+  app.require_subcommand(1);
+  app.set_version_flag("--version", SPILLWAY_VERSION);
+  int exit_code = kExitOk;
+  add_render_command(app, exit_code);
+  add_plan_command(app, exit_code);
+  add_pack_command(app, exit_code);
+  add_info_command(app, exit_code);
+  add_compare_command(app, exit_code);
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& problem) {
+    return app.exit(problem) == 0 ? kExitOk : kExitUsage;
+  }
+  return exit_code;
+}

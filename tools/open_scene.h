@@ -1,0 +1,28 @@
+#pragma once
+
+// From what a user names on the command line to an open store: a store as it is, a .pbrt scene packed when needed.
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "pipeline/store.h"
+
+namespace spillway::tools {
+
+struct OpenSceneOptions {
+  std::filesystem::path scene;            // a .pbrt file or a store directory
+  std::filesystem::path store_directory;  // where to pack; empty: beside the scene, extension .store
+  uint64_t memory_bytes = 0;              // for packing; 0: no limit
+  bool lenient = false;                   // what can be ignored of the scene is a warning
+  bool repack = false;                    // even when the store is current
+  bool quiet = false;
+};
+
+// Imports and packs the .pbrt scene, whatever store is there.
+Status pack_scene(const OpenSceneOptions& options);
+
+// Packs unless the store is there and newer than every file of the scene.
+Result<pipeline::Store> open_scene(const OpenSceneOptions& options);
+
+}  // namespace spillway::tools

@@ -1,0 +1,38 @@
+#include <memory>
+
+#include "tools/commands.h"
+#include "tools/open_scene.h"
+#include "tools/sizes.h"
+
+namespace spillway::tools {
+namespace {
+
+struct PackArguments {
+  OpenSceneOptions scene;
+  std::string memory;
+};
+
+Status pack(PackArguments& arguments) {
+  if (!arguments.memory.empty()) {
+    SPILLWAY_ASSIGN(arguments.scene.memory_bytes, parse_bytes(arguments.memory));
+  }
+  return pack_scene(arguments.scene);
+}
+
+}  // namespace
+
+void add_pack_command(CLI::App& app, int& exit_code) {
+  CLI::App* command = app.add_subcommand("pack", "pack a .pbrt scene into a store");
+  auto arguments = std::make_shared<PackArguments>();
+  command->add_option("scene", arguments->scene.scene, "a .pbrt scene")->required();
+  command->add_option("-o,--output", arguments->scene.store_directory, "the store's directory [beside the scene]");
+  command->add_option("--memory", arguments->memory, "limit for packing, such as 2GiB");
+  command->add_flag("--lenient", arguments->scene.lenient, "warn about what can be ignored instead of refusing");
+  command->add_flag("-q,--quiet", arguments->scene.quiet, "errors only");
+  command->callback([arguments, &exit_code] {
+    const Status status = pack(*arguments);
+    exit_code = status ? kExitOk : fail(status.error().message);
+  });
+}
+
+}  // namespace spillway::tools

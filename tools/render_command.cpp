@@ -1,0 +1,259 @@
+#include <tbb/global_control.h>
+#include <tbb/task_arena.h>
+#include <unistd.h>
+
+#include <csignal>
+#include <fstream>
+
+#include "pipeline/render/render_image.h"
+#include "pipeline/render/write_image.h"
+#include "tools/commands.h"
+#include "tools/open_scene.h"
+#include "tools/sizes.h"
+
+namespace spillway::tools {
+namespace {
+
+using namespace pipeline;
+
+std::atomic<bool> stop_requested{false};
+extern "C" void request_stop(int) { stop_requested = true; }
+
+// What the command line said, still as text.
+struct RenderArguments {
+  OpenSceneOptions scene;
+  std::string output, memory, resolution, crop, report, trace, scratch, scratch_limit, spill = "auto";
+  std::string page_share, attribute_share, texture_share, hit_sort;
+  uint32_t spp = 0, seed = 0, threads = 0;
+  int max_depth = -1;
+  uint64_t wave_paths = 0;
+  double time_limit = 0;
+  bool has_seed = false, aovs = false, halves = false, direct = false, no_sort_rays = false, json = false;
+};
+
+Status set_bytes(const std::string& text, uint64_t& bytes) {
+  if (text.empty()) return {};
+  SPILLWAY_ASSIGN(bytes, parse_bytes(text));
+  return {};
+}
+
+// Another resolution sees the same along the shorter axis.
+void set_resolution(SceneSettings& settings, Resolution r) {
+  shading::Camera& camera = settings.camera;
+  const float shorter = std::min(camera.tan_half_fov_x, camera.tan_half_fov_y);
+  const float aspect = static_cast<float>(r.x) / static_cast<float>(r.y);
+  camera.tan_half_fov_x = shorter * std::max(1.0f, aspect);
+  camera.tan_half_fov_y = shorter * std::max(1.0f, 1 / aspect);
+  camera.resolution_x_px = r.x, camera.resolution_y_px = r.y;
+  settings.film.crop_x0 = settings.film.crop_x1 = settings.film.crop_y0 = settings.film.crop_y1 = 0;
+}
+
+Status override_settings(const RenderArguments& arguments, SceneSettings& settings) {
+  if (arguments.spp != 0) settings.render.samples_per_pixel = arguments.spp;
+  if (arguments.max_depth >= 0) settings.render.max_depth = static_cast<uint32_t>(arguments.max_depth);
+  if (arguments.has_seed) settings.render.seed = arguments.seed;
+  if (!arguments.resolution.empty()) {
+    SPILLWAY_ASSIGN(const Resolution r, parse_resolution(arguments.resolution));
+    set_resolution(settings, r);
+  }
+  if (!arguments.crop.empty()) {
+    SPILLWAY_ASSIGN(const Crop c, parse_crop(arguments.crop));
+    if (c.x1 > settings.camera.resolution_x_px || c.y1 > settings.camera.resolution_y_px)
+      return error("--crop {}: the frame has {} x {} pixels", arguments.crop, settings.camera.resolution_x_px,
+                   settings.camera.resolution_y_px);
+    settings.film.crop_x0 = c.x0, settings.film.crop_y0 = c.y0, settings.film.crop_x1 = c.x1, settings.film.crop_y1 = c.y1;
+  }
+  return {};
+}
+
+Result<RenderOptions> render_options(const RenderArguments& arguments, const Store& store) {
+  RenderOptions options;
+  options.settings = store.settings();
+  SPILLWAY_TRY(override_settings(arguments, options.settings));
+  options.aov_layers = arguments.aovs;
+  SPILLWAY_TRY(set_bytes(arguments.memory, options.plan.memory_bytes));
+  SPILLWAY_TRY(set_bytes(arguments.page_share, options.plan.page_bytes));
+  SPILLWAY_TRY(set_bytes(arguments.attribute_share, options.plan.attribute_bytes));
+  SPILLWAY_TRY(set_bytes(arguments.texture_share, options.plan.texture_bytes));
+  SPILLWAY_TRY(set_bytes(arguments.hit_sort, options.hit_sort_bytes));
+  SPILLWAY_TRY(set_bytes(arguments.scratch_limit, options.scratch_limit_bytes));
+  options.plan.wave_paths = arguments.wave_paths;
+  options.plan.spill = arguments.spill == "always" ? 1 : arguments.spill == "never" ? 0 : -1;
+  options.sort_rays = !arguments.no_sort_rays;
+  options.direct_io = arguments.direct;
+  options.scratch_directory = arguments.scratch;
+  options.time_limit_seconds = arguments.time_limit;
+  options.stop = &stop_requested;
+  return options;
+}
+
+// One line that is written over on a terminal; elsewhere a line every tenth of the way.
+class Progress {
+ public:
+  explicit Progress(bool quiet) : quiet_(quiet), terminal_(isatty(STDERR_FILENO)) {}
+  void show(const RenderProgress& p) {
+    if (quiet_) return;
+    const double left = p.fraction > 0 ? p.elapsed_seconds * (1 - p.fraction) / p.fraction : 0;
+    const auto tenth = static_cast<int>(p.fraction * 10);
+    if (terminal_ && p.elapsed_seconds - shown_at_ > 0.2) {
+      fmt::print(stderr, "\r{:5.1f} %  {} done, {} left   ", 100 * p.fraction, duration_text(p.elapsed_seconds),
+                 duration_text(left));
+      shown_at_ = p.elapsed_seconds;
+    } else if (!terminal_ && tenth > tenth_) {
+      fmt::print(stderr, "{:3.0f} %, {} done, {} left\n", 100 * p.fraction, duration_text(p.elapsed_seconds),
+                 duration_text(left));
+    }
+    tenth_ = tenth;
+  }
+  void end() const {
+    if (!quiet_ && terminal_) fmt::print(stderr, "\r{:60}\r", "");
+  }
+
+ private:
+  bool quiet_, terminal_;
+  double shown_at_ = -1;
+  int tenth_ = 0;
+};
+
+Status write_text(const std::filesystem::path& path, const std::string& text) {
+  SPILLWAY_ASSIGN(cache::WriteFile file, cache::WriteFile::create(path, cache::IoPurpose::scene));
+  SPILLWAY_TRY(file.append(std::as_bytes(std::span(text))));
+  return file.commit();
+}
+
+Status write_picture(const RenderArguments& arguments, const RenderOptions& options, const RenderedImage& image) {
+  const std::filesystem::path output = arguments.output;
+  if (output.extension() == ".png") return write_png(*image.film, output);
+  const ImageMetadata metadata{arguments.scene.scene.filename().string(), SPILLWAY_VERSION,
+                               options.settings.render.max_depth, options.settings.render.seed,
+                               image.report.epoch_count};
+  return write_exr(*image.film, output, metadata, {.half_buffers = arguments.halves});
+}
+
+// Bad endings are known before the hours of rendering, not after.
+Status check_output(const std::filesystem::path& output) {
+  if (output.extension() != ".exr" && output.extension() != ".png")
+    return error("-o {}: pictures are written as .exr or .png", output.string());
+  const auto parent = output.parent_path();
+  if (!parent.empty() && !std::filesystem::is_directory(parent))
+    return error("-o {}: the folder {} does not exist", output.string(), parent.string());
+  return {};
+}
+
+Result<int> render(const RenderArguments& arguments) {
+  SPILLWAY_TRY(check_output(arguments.output));
+  SPILLWAY_ASSIGN(const Store store, open_scene(arguments.scene));
+  SPILLWAY_ASSIGN(RenderOptions options, render_options(arguments, store));
+  std::signal(SIGINT, request_stop);
+  std::signal(SIGTERM, request_stop);
+  Progress progress(arguments.scene.quiet);
+  options.on_progress = [&](const RenderProgress& p) { progress.show(p); };
+  SPILLWAY_ASSIGN(const RenderedImage image, render_image(store, options));
+  progress.end();
+  SPILLWAY_TRY(write_picture(arguments, options, image));
+  const std::string json = report_json(image.report, store.directory().string());
+  if (!arguments.report.empty()) SPILLWAY_TRY(write_text(arguments.report, json));
+  if (arguments.json) fmt::print("{}\n", json);
+  if (!arguments.json && !arguments.scene.quiet) fmt::print(stderr, "{}", report_table(image.report));
+  if (const FilmFaults& faults = image.report.faults; faults.any()) {
+    const uint32_t width = options.settings.camera.resolution_x_px;
+    return fail(fmt::format("{}: {} contributions were not finite and {} out of range; they are missing from the picture; "
+                            "the first at pixel ({}, {})",
+                            arguments.output, faults.not_finite_count, faults.out_of_range_count, faults.sink % width,
+                            faults.sink / width),
+                kExitBadValues);
+  }
+  if (image.report.stopped_early && stop_requested) {
+    fail(fmt::format("interrupted: {} holds {} whole samples a pixel; render again with a larger --spp to go on from nothing",
+                     arguments.output, image.report.samples_per_pixel));
+    return kExitInterrupted;
+  }
+  return kExitOk;
+}
+
+int run(const RenderArguments& arguments) {
+  const int threads = arguments.threads ? static_cast<int>(arguments.threads) : tbb::this_task_arena::max_concurrency();
+  const tbb::global_control control(tbb::global_control::max_allowed_parallelism, static_cast<size_t>(threads));
+  tbb::task_arena arena(threads);
+  const Result<int> code = arena.execute([&] { return render(arguments); });
+  return code ? *code : fail(code.error().message);
+}
+
+void add_scene_options(CLI::App& command, OpenSceneOptions& scene, std::string& memory) {
+  command.add_option("scene", scene.scene, "a .pbrt scene (packed when needed) or a .store")->required();
+  command.add_option("--store", scene.store_directory, "where to pack a .pbrt scene [beside it]");
+  command.add_option("--memory", memory, "limit of the whole process, such as 2GiB [none]");
+  command.add_flag("--lenient", scene.lenient, "warn about what can be ignored instead of refusing");
+  command.add_flag("--repack", scene.repack, "pack even when the store is current");
+  command.add_flag("-q,--quiet", scene.quiet, "errors only");
+}
+
+void add_meaning(CLI::App& command, RenderArguments& a) {
+  command.add_option("--spp", a.spp, "samples a pixel [the scene's]")->check(CLI::Range(1u, 1u << 20));
+  command.add_option("--max-depth", a.max_depth, "bounces [the scene's]")->check(CLI::Range(0, 10000));
+  command.add_option("--resolution", a.resolution, "WIDTHxHEIGHT [the scene's]");
+  command.add_option("--crop", a.crop, "x0,y0,x1,y1 in pixels; the same bits as in the full frame");
+  command.add_option_function<uint32_t>("--seed", [&a](uint32_t seed) { a.seed = seed, a.has_seed = true; },
+                                        "another set of random numbers [the scene's]");
+  command.add_flag("--aov", a.aovs, "depth, normal, albedo and id layers");
+}
+
+void add_performance(CLI::App& command, RenderArguments& a) {
+  command.add_option("--threads", a.threads, "[all cores]")->check(CLI::Range(1u, 1024u));
+  command.add_option("--scratch", a.scratch, "directory for spilled rays [the system's temporary directory]");
+  command.add_option("--scratch-limit", a.scratch_limit, "most bytes to spill at a time [what the disk has]");
+  command.add_option("--wave-paths", a.wave_paths, "paths a wave [planned]")->check(CLI::Range(1u, 1u << 28));
+  command.add_option("--page-share", a.page_share, "memory for geometry pages [planned]");
+  command.add_option("--attribute-share", a.attribute_share, "memory for attribute blocks [planned]");
+  command.add_option("--texture-share", a.texture_share, "memory for texture tiles [planned]");
+  command.add_option("--hit-sort-share", a.hit_sort, "memory for sorting hits [planned]");
+  command.add_option("--spill", a.spill, "auto, always or never")->check(CLI::IsMember({"auto", "always", "never"}));
+  command.add_flag("--direct-io", a.direct, "read pages and attributes past the page cache");
+  command.add_flag("--no-sort-rays", a.no_sort_rays, "trace rays in the order they were made");
+}
+
+}  // namespace
+
+void add_render_command(CLI::App& app, int& exit_code) {
+  CLI::App* command = app.add_subcommand("render", "render a frame into an EXR");
+  auto arguments = std::make_shared<RenderArguments>();
+  RenderArguments& a = *arguments;
+  add_scene_options(*command, a.scene, a.memory);
+  command->add_option("-o,--output", a.output, "the EXR (or PNG, for a look)")->required();
+  add_meaning(*command, a);
+  command->add_flag("--half-buffers", a.halves, "write the two independent halves of the samples too");
+  add_performance(*command, a);
+  command->add_option("--time-limit", a.time_limit, "seconds; stops at the next whole epoch, equal to --spp k");
+  command->add_option("--report", a.report, "write what the render did as JSON");
+  command->add_option("--trace", a.trace, "write stages, waves and reads in Chrome's trace format");
+  command->add_flag("--json", a.json, "print the report as JSON");
+  command->callback([arguments, &exit_code] { exit_code = run(*arguments); });
+}
+
+namespace {
+
+Status print_plan(const RenderArguments& arguments) {
+  SPILLWAY_ASSIGN(const Store store, open_scene(arguments.scene));
+  SPILLWAY_ASSIGN(const RenderOptions options, render_options(arguments, store));
+  PlanOptions plan_options = options.plan;
+  plan_options.floor_bytes = memory_floor_bytes();
+  SPILLWAY_ASSIGN(const Plan plan, plan_render(scene_facts(store, options), plan_options));
+  fmt::print("{}", describe(plan));
+  return {};
+}
+
+}  // namespace
+
+void add_plan_command(CLI::App& app, int& exit_code) {
+  CLI::App* command = app.add_subcommand("plan", "show how a render would use its memory, without rendering");
+  auto arguments = std::make_shared<RenderArguments>();
+  add_scene_options(*command, arguments->scene, arguments->memory);
+  add_meaning(*command, *arguments);
+  add_performance(*command, *arguments);
+  command->callback([arguments, &exit_code] {
+    const Status status = print_plan(*arguments);
+    exit_code = status ? kExitOk : fail(status.error().message);
+  });
+}
+
+}  // namespace spillway::tools
