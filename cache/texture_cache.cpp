@@ -103,8 +103,40 @@ float srgb_from_linear(float l) {
   return l <= 0.0031308f ? l * 12.92f : static_cast<float>(1.055 * std::pow(static_cast<double>(l), 1 / 2.4) - 0.055);
 }
 
+namespace {
+
+// One cache for the life of the process. The library keeps what a thread knows of a cache under the cache's address: one
+// that is made where another was destroyed finds the dead one's files in threads that served both, and aborts on its own
+// assertion about memory in use.
+OIIO::ImageCache& process_cache() {
+  static OIIO::ImageCache* const cache = [] {
+    OIIO::ImageCache* const made = OIIO::ImageCache::create(false);
+    made->attribute("max_open_files", kOpenHandles);
+    made->attribute("autotile", 0);
+    made->attribute("automip", 0);
+    made->attribute("forcefloat", 0);
+    return made;
+  }();
+  return *cache;
+}
+
+// Counts since the process began.
+struct LibraryCounts {
+  uint64_t tiles_created = 0, bytes_read = 0;
+};
+LibraryCounts library_counts() {
+  int created = 0;
+  long long bytes = 0;
+  process_cache().getattribute("stat:tiles_created", OIIO::TypeInt, &created);
+  process_cache().getattribute("stat:bytes_read", OIIO::TypeDesc::INT64, &bytes);
+  return {static_cast<uint64_t>(created), static_cast<uint64_t>(bytes)};
+}
+
+}  // namespace
+
 struct TextureCache::State {
-  OIIO::ImageCache* cache = nullptr;
+  OIIO::ImageCache* const cache = &process_cache();
+  LibraryCounts counts_before = library_counts();
   std::vector<Image> images;
   std::unique_ptr<std::atomic<uint64_t>[]> touched;  // a bit a tile of the scene
   uint64_t tile_count = 0;
@@ -114,7 +146,7 @@ struct TextureCache::State {
 
   ~State() {
     threads.clear();
-    if (cache) OIIO::ImageCache::destroy(cache, true);
+    for (const Image& image : images) cache->invalidate(OIIO::ustring(image.path), true);
   }
 
   void touch(uint64_t number, const ImageInfo& image) {
@@ -231,14 +263,9 @@ uint64_t TextureCache::bytes_for_all(std::span<const ImageInfo> images) {
 Result<std::unique_ptr<TextureCache>> TextureCache::open(const std::filesystem::path& textures_directory,
                                                          std::span<const ImageInfo> images, Options options) {
   auto state = std::make_unique<State>();
-  state->cache = OIIO::ImageCache::create(false);
   const uint64_t overhead = overhead_bytes(images.size());
   const uint64_t tiles = options.memory_limit_bytes > overhead + (1 << 20) ? options.memory_limit_bytes - overhead : 1 << 20;
   state->cache->attribute("max_memory_MB", static_cast<float>(static_cast<double>(tiles) / (1 << 20)));
-  state->cache->attribute("max_open_files", kOpenHandles);
-  state->cache->attribute("autotile", 0);
-  state->cache->attribute("automip", 0);
-  state->cache->attribute("forcefloat", 0);
   for (const ImageInfo& info : images) {
     Image image{info, (textures_directory / info.file_name).string(), nullptr, {}};
     image.handle = state->cache->get_image_handle(OIIO::ustring(image.path));
@@ -286,13 +313,10 @@ TextureCounters TextureCache::counters() const {
   for (const ThreadTiles& thread : s.threads) c.lookups += thread.lookups;
   c.tiles_touched = s.tiles_touched;
   c.unique_bytes = s.unique_bytes;
-  int created = 0;
-  s.cache->getattribute("stat:tiles_created", OIIO::TypeInt, &created);
-  c.tiles_read = static_cast<uint64_t>(created);
+  const LibraryCounts now = library_counts();
+  c.tiles_read = now.tiles_created - s.counts_before.tiles_created;
   c.tiles_read_again = c.tiles_read > c.tiles_touched ? c.tiles_read - c.tiles_touched : 0;
-  long long bytes = 0;
-  s.cache->getattribute("stat:bytes_read", OIIO::TypeDesc::INT64, &bytes);
-  c.bytes_read = static_cast<uint64_t>(bytes);
+  c.bytes_read = now.bytes_read - s.counts_before.bytes_read;
   return c;
 }
 

@@ -2,7 +2,8 @@
 
 // Packed images, looked up in blocks through OpenImageIO's tile cache.
 //
-// Owns: OpenImageIO's ImageCache. Memory: tag textures, limit Options::memory_limit_bytes, which covers what the library
+// Owns: its images in the process's one OpenImageIO ImageCache; with two of these at a time the later limit holds.
+// Memory: tag textures, limit Options::memory_limit_bytes, which covers what the library
 // holds beside its tiles (about 20 KiB a file and 1 MiB an open handle).
 // Threads: look_up may be called from any number of threads at once, one block each; no lock of ours is held over I/O.
 // Fails: a missing or damaged image fails open() or look_up() with the file's name; never a black texel instead.
