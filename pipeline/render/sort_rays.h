@@ -1,6 +1,6 @@
 #pragma once
 
-// Stage sort_rays: the order in which trace_rays takes the rays of a wave, so that neighbours in it walk the same nodes.
+// Stage sort_rays: the order in which trace_rays takes the rays of a wave, neighbours in it walking the same nodes.
 //
 // In: hot columns of path and shadow rays, any order.
 // Out: a permutation of all of them (paths first, then shadow rays, one index space), by the cell of the origin

@@ -74,8 +74,8 @@ TEST(SortRays, octants_of_direction_are_apart_inside_a_coarse_cell) {
 }
 
 TEST(SortRays, neighbours_in_the_order_are_neighbours_in_space) {
-  // A Morton curve through n points of a cube of side s takes steps of about s n^(-1/3) times a small constant: 2 / 39 =
-  // 0.05 for 60000 points, against 1.32 in random order (mean distance of two random points). 0.1 allows a constant of
+  // A Morton curve through n points of a cube of side s takes steps of about s n^(-1/3) times a small constant:
+  // 2 / 39 = 0.05 for 60000 points, against 1.32 in random order (mean distance of two random points). 0.1 allows a constant of
   // 2.6, and is out of reach without sorting by position.
   const auto cube = random_rays(60000, {1, 1, 1}, 5);
   std::vector<uint32_t> identity(cube.size());
