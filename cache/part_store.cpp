@@ -7,6 +7,7 @@
 #include <numeric>
 #include <optional>
 #include <thread>
+#include <utility>
 
 #include "cache/base/check.h"
 
@@ -56,8 +57,8 @@ struct Read {
   std::string failure;
 };
 
-// What a rebalanced score gains when a wave asks for a part; it loses an eighth of itself a wave, so that a part that is
-// always asked for settles at eight times this.
+// What a rebalanced score gains when a wave asks for a part; it loses an eighth of itself a wave, so that a part
+// that is always asked for settles at eight times this.
 constexpr uint32_t kAskedScore = 32;
 // A newcomer must have been asked for in about two waves more than the part that leaves: a swap costs a read.
 constexpr uint32_t kSwapMargin = 2 * kAskedScore;

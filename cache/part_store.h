@@ -5,8 +5,8 @@
 // Owns: the open file, the resident parts, the read-ahead buffer, the reader threads.
 // Memory: `tag`, at most memory_limit_bytes: resident parts, plus one ring of read-ahead bytes for parts that come and
 //         go. When all parts fit there is no ring, everything is read once, and the reader threads end with the last.
-// Threads: resident() may be called from any thread between sweeps; everything else by one thread at a time. The visitor
-//          and the callbacks run on the sweeping thread, one part after the other, while a few reader threads fetch and
+// Threads: resident() may be called from any thread between sweeps; everything else by one thread at a time. The
+//          visitor and the callbacks run on the sweeping thread, one part after the other, while a few reader threads fetch and
 //          validate the next ones: `validate` must bear concurrent calls. No lock is held over I/O or validation.
 // Residency: filled first come, first kept, then never displaced during a wave (a cyclic scan through an LRU cache hits
 //            nothing); rebalance() at a wave boundary may swap resident parts for ones that more waves asked for.

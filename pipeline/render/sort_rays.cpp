@@ -16,6 +16,9 @@ using cache::KeyIndex;
 using cache::TraceRay;
 
 constexpr int kCellBits = 29;  // with the octant 32: four passes of the radix sort at most
+// Octants come below the first 16 of them. Bounce rays in a city of 9 M triangles, time of tracing against unsorted,
+// for 0, 8, 14, 20 bits above the octant: 0.78, 0.67, 0.59, 0.57 (waves of 65536), 0.53, 0.49, 0.44, 0.44 (2^20).
+constexpr int kCoarseBits = 16;
 constexpr int kMaxAxisBits = 15;
 constexpr size_t kBlock = 4096;  // rays a task: about 20 us
 
@@ -41,7 +44,10 @@ struct CellCode {
       ++bits[a];
       side[a] /= 2;
     }
-    for (int a = 0; a < 3; ++a) scale[a] *= static_cast<float>(1 << bits[a]), last[a] = static_cast<float>((1 << bits[a]) - 1);
+    for (int a = 0; a < 3; ++a) {
+      scale[a] *= static_cast<float>(1 << bits[a]);
+      last[a] = static_cast<float>((1 << bits[a]) - 1);
+    }
   }
 
   static int longest(const float (&side)[3]) {
@@ -61,11 +67,17 @@ uint32_t octant(Float3 d) {
          static_cast<uint32_t>(std::signbit(d.z));
 }
 
+uint32_t sort_key(uint32_t cell, uint32_t direction) {
+  constexpr int kFineBits = kCellBits - kCoarseBits;
+  const uint32_t fine = cell & ((1u << kFineBits) - 1);
+  return (cell >> kFineBits) << (kFineBits + 3) | direction << kFineBits | fine;
+}
+
 void write_keys(std::span<const TraceRay> rays, uint32_t first_index, const CellCode& cell,
                 std::span<KeyIndex<uint32_t>> items) {
   parallel_blocks(rays.size(), kBlock, [&](size_t, size_t first, size_t last) {
     for (size_t i = first; i < last; ++i)
-      items[i] = {octant(rays[i].direction_world) << kCellBits | cell(rays[i].origin_world),
+      items[i] = {sort_key(cell(rays[i].origin_world), octant(rays[i].direction_world)),
                   first_index + static_cast<uint32_t>(i)};
   });
 }

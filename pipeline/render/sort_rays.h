@@ -1,14 +1,15 @@
 #pragma once
 
-// Stage sort_rays: the order in which trace_rays takes the rays of a wave, so that neighbours in it walk the same nodes.
+// Stage sort_rays: the order in which trace_rays takes the rays of a wave, neighbours in it walking the same nodes.
 //
 // In: hot columns of path and shadow rays, any order.
-// Out: a permutation of all of them (paths first, then shadow rays, one index space), by octant of direction, then by
-//      the cell of the origin along a Morton curve of nearly cubic cells.
+// Out: a permutation of all of them (paths first, then shadow rays, one index space), by the cell of the origin
+//      along a Morton curve of nearly cubic cells; inside a coarse cell by octant of direction, then by fine cell.
 // Memory: tag rays: 16 bytes a ray in SortRaysScratch, kept by the caller between waves.
 // Order: total: equal keys keep the order of their indices. It changes no bit of any image, only the time.
-// Based on: the ray sorting of Moon et al. 2010 and Eisenacher et al. 2013 (Hyperion: direction, then origin); here the
-//           bits of the code go to the axis whose cells are longest, because cities are flat.
+// Based on: the ray sorting of Moon et al. 2010 and Eisenacher et al. 2013 (Hyperion: direction, then origin); here
+//           coarse position comes before direction (measured: see the .cpp), and the bits of the code go to the axis
+//           whose cells are longest, because cities are flat.
 
 #include <cstdint>
 #include <span>

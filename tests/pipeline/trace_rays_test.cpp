@@ -205,7 +205,8 @@ struct Rays {
     Random random(seed);
     for (TraceRay& ray : paths) ray = {random.point(11), INFINITY, random.point(1), 0};
     // Rays that leave the soup through the doubled wall, so that ties happen.
-    for (size_t i = 0; i < paths.size(); i += 3) paths[i] = {{random.in(-8, 8), random.in(-8, 8), 11.9f}, 50, {0, 0, 1}, 0};
+    for (size_t i = 0; i < paths.size(); i += 3)
+      paths[i] = {{random.in(-8, 8), random.in(-8, 8), 11.9f}, 50, {0, 0, 1}, 0};
     for (TraceRay& ray : shadows) ray = {random.point(11), random.in(0.2f, 6), random.point(1), 0};
     order.resize(path_count + shadow_count);
     std::iota(order.begin(), order.end(), 0u);
@@ -247,14 +248,16 @@ Hits reference(const Scene& scene, const Rays& rays) {
 // A store under a limit, its views, and a log of what each call visited and read.
 struct PagedRun {
   PagedRun(const Scene& s, uint64_t limit)
-      : scene(s), store(s.open(limit, [this](uint32_t page, bool read) { log.emplace_back(page, read); })), views(*store) {}
+      : scene(s),
+        store(s.open(limit, [this](uint32_t page, bool read) { log.emplace_back(page, read); })),
+        views(*store) {}
 
   Hits trace(const Rays& rays, const TraceRaysOptions& options = {}) {
     log.clear();
     const uint64_t read_before = store->counters().parts_read;
     Hits hits{std::vector<TraceHit>(rays.paths.size()), std::vector<TraceHit>(rays.shadows.size())};
-    const Status status = trace_rays(scene.tree(), views, {rays.paths, rays.shadows, hits.paths, hits.shadows, rays.order},
-                                     options, report);
+    const TraceBatch batch{rays.paths, rays.shadows, hits.paths, hits.shadows, rays.order};
+    const Status status = trace_rays(scene.tree(), views, batch, options, report);
     EXPECT_TRUE(status) << status.error().message;
     check_log(store->counters().parts_read - read_before);
     return hits;
@@ -283,7 +286,7 @@ TEST(TraceRays, the_test_scene_has_what_it_claims) {
   const Scene scene(1);
   const Rays rays(3000, 3000, 2);
   const Hits hits = reference(scene, rays);
-  const auto count = [](const std::vector<TraceHit>& all, auto predicate) { return std::ranges::count_if(all, predicate); };
+  const auto count = [](const auto& all, auto predicate) { return std::ranges::count_if(all, predicate); };
   EXPECT_GT(scene.parts.size(), 35u);
   EXPECT_GT(count(hits.paths, [](const TraceHit& h) { return h.prim != PrimId::kNone; }), 1000);
   EXPECT_GT(count(hits.paths, [](const TraceHit& h) { return h.instance != 0; }), 100);
@@ -363,8 +366,9 @@ TEST(TraceRays, a_page_is_read_only_when_a_ray_still_needs_it) {
     TraceHit hit = cache::no_hit(ray);
     cache::trace_resident<mode>(scene.tree(), run.views.resident(), ray, hit, work);
     if ((hit.flags & cache::kHitOccluded) != 0) return;
-    const size_t count = cache::pages_met(scene.tree(), run.views.resident(), 0, static_cast<uint32_t>(scene.parts.size()),
-                                          mode, ray, hit, visits.data(), visits.size());
+    const auto pages = static_cast<uint32_t>(scene.parts.size());
+    const size_t count = cache::pages_met(scene.tree(), run.views.resident(), 0, pages, mode, ray, hit, visits.data(),
+                                          visits.size());
     for (size_t i = 0; i < count; ++i) needed.insert(visits[i].page);
   };
   for (const TraceRay& ray : rays.paths) meet.template operator()<TraceMode::nearest>(ray);
