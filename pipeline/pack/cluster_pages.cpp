@@ -26,7 +26,10 @@ struct CenterRange {
   double lower[3] = {INFINITY, INFINITY, INFINITY};
   double upper[3] = {-INFINITY, -INFINITY, -INFINITY};
   void grow(const CenterRange& other) {
-    for (int a = 0; a < 3; ++a) lower[a] = std::min(lower[a], other.lower[a]), upper[a] = std::max(upper[a], other.upper[a]);
+    for (int a = 0; a < 3; ++a) {
+      lower[a] = std::min(lower[a], other.lower[a]);
+      upper[a] = std::max(upper[a], other.upper[a]);
+    }
   }
   void grow(const ClusterItem& item) {
     for (int a = 0; a < 3; ++a) {

@@ -127,7 +127,8 @@ void face_uvs(const cache::AttributeSegmentData& data, const uint16_t* corner, F
 class BatchFiller {
  public:
   BatchFiller(const SpooledScene& scene, const PagePlan& plan, const BakeMicromap& bake, uint32_t first, uint32_t last)
-      : scene_(scene), plan_(plan), bake_(bake), reader_(*scene.spool), first_(first), last_(last), inputs_(last - first) {
+      : scene_(scene), plan_(plan), bake_(bake), reader_(*scene.spool), first_(first), last_(last),
+        inputs_(last - first) {
     for (uint32_t p = first; p < last; ++p) inputs_[p - first].triangles.reserve(plan.pages[p].triangle_count);
   }
 

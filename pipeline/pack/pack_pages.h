@@ -5,8 +5,8 @@
 // In:     the spooled scene.
 // Out:    pages.trace: pages of the world first, then of the prototypes in their order, each object's in depth-first
 //         order of its clustering; one PageLocation and the exact bounds of each page.
-// Memory: tag pack. Planning: 28 bytes a triangle of one object at a time, and 4 a triangle of the scene. Writing: those
-//         4, and pages in batches that fit the limit; the spool is read once a batch, skipping chunks without a share.
+// Memory: tag pack. Planning: 28 bytes a triangle of one object at a time, and 4 a triangle of the scene. Writing:
+//         those 4, and pages in batches that fit the limit; each batch reads the chunks that have a share in it.
 // Order:  clustering depends on sets alone; a page's triangles are ordered by prim; pages are built one a thread and
 //         written in order. So threads, limit and batches do not reach the file.
 

@@ -1,11 +1,7 @@
 #include "pipeline/pack/scene_packer.h"
 
 #include <algorithm>
-#include <cmath>
-#include <numeric>
-#include <set>
 
-#include "cache/base/check.h"
 #include "cache/section_file.h"
 #include "pipeline/pack/bake_micromap.h"
 #include "pipeline/pack/pack_attributes.h"
@@ -203,7 +199,6 @@ void ScenePacker::set_settings(const SceneSettings& settings) {
 // ---- what is made of it ----
 
 Status ScenePacker::finish() {
-  SPILLWAY_CHECK(finished_, ==, false);
   SPILLWAY_TRY(state_);
   if (!has_settings_) return failed(error("{}: the scene has no camera", directory_.string()));
   SPILLWAY_TRY(failed(check_settings(settings_, "the scene's settings")));
@@ -213,6 +208,7 @@ Status ScenePacker::finish() {
     return failed(written);
   }
   finished_ = true;
+  state_ = error("{}: is packed; nothing may follow", directory_.string());
   return {};
 }
 
@@ -295,9 +291,12 @@ SceneStatistics ScenePacker::statistics(const Packed& packed) const {
 
 std::string ScenePacker::name_lines() const {
   std::string lines;
-  for (size_t i = 0; i < scene_.meshes.size(); ++i) lines += fmt::format("mesh {} {}\n", i, one_line(scene_.meshes[i].name));
-  for (size_t i = 0; i < material_names_.size(); ++i) lines += fmt::format("material {} {}\n", i, one_line(material_names_[i]));
-  for (size_t i = 0; i < object_names_.size(); ++i) lines += fmt::format("object {} {}\n", i + 1, one_line(object_names_[i]));
+  const auto add = [&](const char* kind, size_t index, const std::string& name) {
+    lines += fmt::format("{} {} {}\n", kind, index, one_line(name));
+  };
+  for (size_t i = 0; i < scene_.meshes.size(); ++i) add("mesh", i, scene_.meshes[i].name);
+  for (size_t i = 0; i < material_names_.size(); ++i) add("material", i, material_names_[i]);
+  for (size_t i = 0; i < object_names_.size(); ++i) add("object", i + 1, object_names_[i]);
   return lines;
 }
 

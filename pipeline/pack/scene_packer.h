@@ -3,8 +3,8 @@
 // The scene sink that writes a store.
 //
 // Owns: the store directory while it packs; scratch files; tables of what was said so far.
-// Memory: tag pack. Meshes go to scratch at once and leave a row of some hundred bytes; finish() takes 32 bytes a
-//         triangle of the largest object and uses what else the limit allows.
+// Memory: tag pack. Meshes go to scratch at once and leave a row of some hundred bytes; finish() takes 28 bytes a
+//         triangle of the largest object and 4 a triangle of the scene, and uses what else the limit allows.
 // Threads: one caller; finish() works on all threads of the current arena.
 // Fails: the first error is final: every later call returns it. A store that is already in the directory stays whole
 //        until finish() begins to write; from then on there is no manifest until all else is in place. What a failed
@@ -34,7 +34,7 @@ struct PackOptions {
   BuildOptions tree{};
   // Performance: the store's bytes do not differ.
   uint64_t memory_limit_bytes = 2ull << 30;         // larger: fewer passes over the spooled meshes
-  std::filesystem::path scratch{};                  // empty: the store directory; holds all triangles once, uncompressed
+  std::filesystem::path scratch{};                  // empty: the store directory; holds all triangles once
 };
 
 class ScenePacker final : public SceneSink {

@@ -74,7 +74,8 @@ inline MeshData triangle_soup(std::string name, uint32_t count, float size, uint
   std::uniform_real_distribution<float> place(0, size), step(0.01f, 0.1f);
   for (uint32_t i = 0; i < count; ++i) {
     const Float3 p{place(random), place(random), place(random)};
-    mesh.positions.insert(mesh.positions.end(), {p, p + Float3{step(random), 0, 0}, p + Float3{0, step(random), 0.01f}});
+    const Float3 q = p + Float3{step(random), 0, 0}, r = p + Float3{0, step(random), 0.01f};
+    mesh.positions.insert(mesh.positions.end(), {p, q, r});
     mesh.indices.insert(mesh.indices.end(), {3 * i, 3 * i + 1, 3 * i + 2});
   }
   return mesh;

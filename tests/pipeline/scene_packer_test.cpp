@@ -362,6 +362,17 @@ TEST_F(ScenePackerTest, an_image_is_packed_once_for_each_encoding) {
   EXPECT_NE(*linear, *srgb);
 }
 
+TEST_F(ScenePackerTest, nothing_may_follow_the_end) {
+  auto packer = ScenePacker::create(directory_ / "a.store", {});
+  ASSERT_TRUE(packer);
+  ASSERT_TRUE(MixedScene{}.say(**packer, mask_));
+  ASSERT_TRUE((*packer)->finish());
+  EXPECT_FALSE((*packer)->add_mesh(wavy_grid("late", 1, 1).input(0)));
+  EXPECT_FALSE((*packer)->finish());
+  packer->reset();
+  EXPECT_TRUE(Store::open(directory_ / "a.store"));
+}
+
 // ---- arithmetic of instances ----
 
 TEST(transformed_bounds, hold_every_transformed_point) {
@@ -376,8 +387,10 @@ TEST(transformed_bounds, hold_every_transformed_point) {
     box.grow(Float3{number(random), number(random), number(random)});
     const Bounds3 out = transformed_bounds(t, box);
     for (int k = 0; k < 16; ++k) {
-      const auto at = [&](int a, bool end) { return end ? (k >> a & 1 ? box.upper[a] : box.lower[a])
-                                                        : box.lower[a] + share(random) * (box.upper[a] - box.lower[a]); };
+      const auto at = [&](int a, bool end) {
+        if (end) return (k >> a & 1) != 0 ? box.upper[a] : box.lower[a];
+        return box.lower[a] + share(random) * (box.upper[a] - box.lower[a]);
+      };
       const bool corner = k < 8;
       const Float3 q = t.point({at(0, corner), at(1, corner), at(2, corner)});
       for (int a = 0; a < 3; ++a) ASSERT_TRUE(q[a] >= out.lower[a] && q[a] <= out.upper[a]);

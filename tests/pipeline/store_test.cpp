@@ -47,7 +47,8 @@ class StoreTest : public ::testing::Test {
     manifest_ = file_bytes(store_ / kManifestFile);
   }
   void write_manifest(const std::string& bytes) {
-    std::ofstream(store_ / kManifestFile, std::ios::binary).write(bytes.data(), static_cast<std::streamsize>(bytes.size()));
+    std::ofstream file(store_ / kManifestFile, std::ios::binary);
+    file.write(bytes.data(), static_cast<std::streamsize>(bytes.size()));
   }
   // The start of section `name` in the manifest, and its entry.
   size_t section_offset(const std::string& name, size_t& entry);
@@ -84,7 +85,8 @@ size_t StoreTest::section_offset(const std::string& name, size_t& entry) {
 }
 
 void StoreTest::set_checksums(std::string& bytes, size_t entry) {
-  const auto offset = value_at<uint64_t>(bytes, entry + kEntryOffsetAt), size = value_at<uint64_t>(bytes, entry + kEntrySizeAt);
+  const auto offset = value_at<uint64_t>(bytes, entry + kEntryOffsetAt);
+  const auto size = value_at<uint64_t>(bytes, entry + kEntrySizeAt);
   const uint64_t sum = checksum(bytes.data() + offset, size);
   std::memcpy(bytes.data() + entry + kEntryChecksumAt, &sum, sizeof sum);
   const uint64_t zero = 0;
@@ -226,7 +228,7 @@ TEST_F(StoreTest, each_law_between_the_tables_is_checked_and_the_section_named) 
       {section::kLights, offsetof(shading::Light, kind), static_cast<uint32_t>(shading::LightKind::point)},
       {section::kLights, offsetof(shading::Light, radiance), nan},
       {section::kLights, 2 * sizeof(shading::Light), static_cast<uint32_t>(shading::LightKind::infinite)},
-      {section::kLights, 2 * sizeof(shading::Light) + offsetof(shading::Light, edge1), 0x40000000},  // not of length one
+      {section::kLights, 2 * sizeof(shading::Light) + offsetof(shading::Light, edge1), 0x40000000},  // length
       {section::kLightCdf, 0, 0x3c000000},   // not 0
       {section::kLightCdf, 4, nan},
       {section::kLightCdf, 4, 0x3f800001},   // beyond 1
@@ -237,7 +239,7 @@ TEST_F(StoreTest, each_law_between_the_tables_is_checked_and_the_section_named) 
       {section::kPages, offsetof(cache::PageLocation, object), 1},
       {section::kTreeEntries, offsetof(cache::PageTreeEntry, kind), 2},
       {section::kTreeEntries, offsetof(cache::PageTreeEntry, index), 9},
-      {section::kTreeEntries, offsetof(cache::PageTreeEntry, index), 0},  // the prototype's page: now the world's, twice
+      {section::kTreeEntries, offsetof(cache::PageTreeEntry, index), 0},  // the world's page, now twice
       {section::kTreeObjects, offsetof(cache::PageObject, root), cache::kNoChild},
       {section::kTreeObjects, offsetof(cache::PageObject, bounds_object), nan},
       {section::kInstances, 0, 0x3f800001},  // the world: not the identity
