@@ -544,7 +544,7 @@ def cable_point(t):
     return (-2.9 + 6.0 * t, 2.55 - 1.9 * t * (1 - t), 2.3 - 2.1 * t)
 
 
-BACK, RIGHT, LEFT = 2.9, 2.4, -2.6  # the walls: z, x, and the fence's x
+BACK, RIGHT, LEFT, NEAR = 2.9, 2.4, -2.6, -4.0  # z of the back wall, x of right wall and fence, z where all ends
 TILE = 1.1  # metres a repetition of the bricks
 
 
@@ -564,16 +564,16 @@ def building():
         back.quad((x1, y0, BACK + 0.25), (0, 0, -0.25), (0, y1 - y0, 0), 0.25 / TILE, (y1 - y0) / TILE)
         back.quad((x0, y1, BACK), (0, 0, 0.25), (x1 - x0, 0, 0), 0.25 / TILE, (x1 - x0) / TILE)
     right = Mesh()  # faces -x
-    right.quad((RIGHT, 0, -6.0), (0, 0, BACK + 6.0), (0, 2.9, 0), (BACK + 6.0) / TILE, 2.9 / TILE)
+    right.quad((RIGHT, 0, NEAR), (0, 0, BACK - NEAR), (0, 2.9, 0), (BACK - NEAR) / TILE, 2.9 / TILE)
     out["wall_back"], out["wall_right"] = back, right
     stone = Mesh()  # copings, sill, lintel, doorstep
     stone.box((LEFT - 0.1, 2.9, BACK - 0.06), (RIGHT + 0.3, 2.98, BACK + 0.3))
-    stone.box((RIGHT - 0.06, 2.9, -6.0), (RIGHT + 0.3, 2.98, BACK - 0.06))
+    stone.box((RIGHT - 0.06, 2.9, NEAR), (RIGHT + 0.3, 2.98, BACK - 0.06))
     stone.box((-1.85, 0.87, BACK - 0.10), (-0.65, 0.95, BACK + 0.3))
     stone.box((-1.87, 2.05, BACK - 0.03), (-0.63, 2.18, BACK + 0.1))
     stone.box((0.60, 2.1, BACK - 0.03), (1.90, 2.24, BACK + 0.1))
     stone.box((0.55, 0, BACK - 0.35), (1.95, 0.09, BACK + 0.2))
-    stone.box((LEFT - 0.14, 0, -6.0), (LEFT + 0.14, 0.34, BACK))
+    stone.box((LEFT - 0.14, 0, NEAR), (LEFT + 0.14, 0.34, BACK))
     out["stone"] = stone
     for x in (LEFT,):
         pillar = Mesh()
@@ -582,6 +582,10 @@ def building():
     caps = Mesh()
     caps.box((LEFT - 0.26, 2.45, BACK - 0.46), (LEFT + 0.26, 2.53, BACK + 0.02))
     out["pillar_cap"] = caps
+    hedge = Mesh()  # hides where the ground ends
+    hedge.box((-7.0, 0, NEAR), (-6.5, 1.05, 6.5))
+    hedge.box((-6.5, 0, 6.0), (RIGHT, 1.05, 6.5))
+    out["hedge"] = hedge
     door = Mesh()
     door.quad((0.75, 0, BACK + 0.2), (0, 2.1, 0), (1.0, 0, 0), 1.5, 1)
     out["door"] = door
@@ -603,9 +607,9 @@ Texture "brick colour" "spectrum" "imagemap" "string filename" "textures/brick.p
 Texture "brick height" "float" "imagemap" "string filename" "textures/brick_height.png" "string encoding" "linear"
   "float scale" 0.012
 Texture "paving colour" "spectrum" "imagemap" "string filename" "textures/paving.png"
-  "float uscale" 6 "float vscale" 6 "string filter" "trilinear"
+  "float uscale" 5 "float vscale" 6.5 "string filter" "trilinear"
 Texture "paving image" "float" "imagemap" "string filename" "textures/paving_height.png" "string encoding" "linear"
-  "float uscale" 6 "float vscale" 6
+  "float uscale" 5 "float vscale" 6.5
 Texture "paving height" "float" "scale" "texture tex" "paving image" "float scale" 0.016
 Texture "wood colour" "spectrum" "imagemap" "string filename" "textures/wood.png"
 Texture "dark wood" "spectrum" "scale" "texture tex" "wood colour" "float scale" 0.55
@@ -615,7 +619,7 @@ Texture "rust colour" "spectrum" "mix" "rgb tex1" [ 0.36 0.15 0.07 ] "rgb tex2" 
   "texture amount" "rust amount"
 Texture "glaze" "spectrum" "imagemap" "string filename" "textures/stripes.png"
 Texture "fence alpha" "float" "imagemap" "string filename" "textures/fence_alpha.png" "string encoding" "linear"
-  "float uscale" 5
+  "float uscale" 4
 Texture "leaf colour" "spectrum" "imagemap" "string filename" "textures/leaf.png"
 Texture "leaf alpha" "float" "imagemap" "string filename" "textures/leaf_alpha.png" "string encoding" "linear"
   "string wrap" "black"
@@ -698,14 +702,15 @@ UNIT_UV = [(0, 0), (1, 0), (1, 1), (0, 1)]
 def geometry():
     text = "# What stands in the courtyard.\n\n"
     text += 'NamedMaterial "wet paving"\n'
-    text += quad_text([(LEFT, 0, BACK + 0.3), (RIGHT + 0.1, 0, BACK + 0.3), (RIGHT + 0.1, 0, -6), (LEFT, 0, -6)], UNIT_UV)
+    text += quad_text([(LEFT, 0, BACK + 0.3), (RIGHT + 0.1, 0, BACK + 0.3), (RIGHT + 0.1, 0, NEAR), (LEFT, 0, NEAR)], UNIT_UV)
     text += 'NamedMaterial "earth"\n'
-    text += quad_text([(-40, -0.05, 40), (40, -0.05, 40), (40, -0.05, -20), (-40, -0.05, -20)], UNIT_UV)
+    text += quad_text([(-7, -0.05, 6.5), (RIGHT, -0.05, 6.5), (RIGHT, -0.05, NEAR), (-7, -0.05, NEAR)], UNIT_UV)
     text += 'NamedMaterial "brick"\n' + shape("wall_back") + shape("wall_right") + shape("pillar")
+    text += 'NamedMaterial "cypress"\n' + shape("hedge")
     text += 'NamedMaterial "stone"\n' + shape("stone") + shape("pillar_cap")
     text += 'NamedMaterial "painted wood"\n' + shape("door") + shape("window_frame")
     text += 'NamedMaterial "iron"\n'
-    text += quad_text([(LEFT, 0.34, -5.9), (LEFT, 0.34, BACK - 0.4), (LEFT, 1.95, BACK - 0.4), (LEFT, 1.95, -5.9)],
+    text += quad_text([(LEFT, 0.34, NEAR), (LEFT, 0.34, BACK - 0.4), (LEFT, 1.95, BACK - 0.4), (LEFT, 1.95, NEAR)],
                       UNIT_UV, ' "texture alpha" "fence alpha"')
     text += shape("cable")
     text += "\n# The table.\n"
@@ -750,8 +755,8 @@ def instances():
     for k, (x, y, z) in enumerate(fruits):
         text += instance("apple" if k % 3 == 1 else "orange", translate(-0.24 + x, 0.75 + y, -0.02 + z),
                          "Rotate %d 1 0 0" % rng.randrange(-40, 40), rotate_y(rng.randrange(360)), scale(0.043))
-    for x, z, s in ((-5.2, 4.4, 1.0), (-3.9, 6.2, 1.15), (-6.8, 1.6, 0.95), (-1.6, 7.5, 1.25), (4.8, 7.0, 1.2),
-                    (-5.6, -1.0, 0.8)):
+    for x, z, s in ((-4.7, 3.6, 1.0), (-3.9, 5.2, 1.1), (-5.9, 1.8, 0.9), (-1.8, 5.9, 1.15), (1.6, 5.8, 1.1),
+                    (-5.4, -0.6, 0.8)):
         text += instance("cypress", translate(x, 0, z), rotate_y(rng.randrange(360)), scale(s))
     for x, y in vine(rng, 150):
         text += instance("ivy", translate(x, y, BACK), "Rotate %d 0 0 1" % rng.randrange(360), scale(rng.uniform(0.8, 1.3)))
