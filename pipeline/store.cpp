@@ -79,7 +79,11 @@ cache::PageTree Store::page_tree() const {
 
 shading::LightTable Store::light_table() const {
   const SceneSphere sphere = scene_sphere(settings().statistics.bounds_world);
-  return {tables_.lights, tables_.light_cdf, sphere.center, sphere.radius};
+  const auto first_infinite =
+      std::find_if(tables_.lights.begin(), tables_.lights.end(),
+                   [](const shading::Light& light) { return light.kind == shading::LightKind::infinite; });
+  return {tables_.lights, tables_.light_cdf, sphere.center, sphere.radius,
+          static_cast<uint32_t>(first_infinite - tables_.lights.begin())};
 }
 
 MeshId Store::mesh_of(PrimId prim) const {

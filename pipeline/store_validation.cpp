@@ -83,13 +83,17 @@ Status validate_meshes(const StoreTables& t, std::string_view where) {
   return {};
 }
 
+int light_rank(const shading::Light& light) {
+  if (light.kind == shading::LightKind::triangle) return 0;
+  return light.kind == shading::LightKind::infinite ? 2 : 1;
+}
+
 Status validate_lights(const StoreTables& t, std::string_view where) {
   for (size_t i = 0; i < t.lights.size(); ++i) {
     if (!check_light(t.lights[i], where))
       return check_light(t.lights[i], fmt::format("{}: section '{}', item {}", where, section::kLights, i));
-    if (t.lights[i].kind == shading::LightKind::triangle && i > 0 &&
-        t.lights[i - 1].kind != shading::LightKind::triangle)
-      return damaged(where, section::kLights, i, "a triangle after other lights");
+    if (i > 0 && light_rank(t.lights[i]) < light_rank(t.lights[i - 1]))
+      return damaged(where, section::kLights, i, "triangles come first and infinite lights last");
   }
   if (t.light_cdf.size() != t.lights.size() + 1)
     return damaged(where, section::kLightCdf, 0, "{} numbers for {} lights", t.light_cdf.size(), t.lights.size());
@@ -177,7 +181,8 @@ class TreeWalk {
     if (reference == cache::kNoChild) return {};
     if ((reference & cache::kLeafBit) != 0) return visit_entry(reference & ~cache::kLeafBit, object);
     SPILLWAY_TRY(see(node_seen_, reference, section::kTreeNodes));
-    for (const uint32_t child : t_.tree_nodes[reference].child) SPILLWAY_TRY(visit(child, object));
+    const cache::TraceNode& node = t_.tree_nodes[reference];
+    for (uint32_t c = 0; c < node.child_count; ++c) SPILLWAY_TRY(visit(node.child[c], object));
     return {};
   }
 

@@ -1,5 +1,6 @@
 #include "pipeline/pack/pack_lights.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include "pipeline/store.h"
@@ -56,6 +57,8 @@ Result<PackedLights> pack_lights(SpooledScene& scene, std::span<const shading::L
     for (const MeshChunk& chunk : mesh.chunks) SPILLWAY_TRY(add_chunk_lights(mesh, chunk, reader, packed.lights));
   }
   packed.lights.insert(packed.lights.end(), other_lights.begin(), other_lights.end());
+  std::stable_partition(packed.lights.begin(), packed.lights.end(),
+                        [](const shading::Light& light) { return light.kind != shading::LightKind::infinite; });
   SPILLWAY_ASSIGN(packed.cdf, power_cdf(packed.lights, scene_sphere(bounds_world).radius));
   return packed;
 }

@@ -3,8 +3,8 @@
 // Makes the light table.
 //
 // In:     the spooled scene (emissive meshes), the other lights in the order of the scene, the bounds of the world.
-// Out:    one light a face of an emissive mesh, by ascending prim, then the others; light_base of the meshes set; the
-//         cumulative distribution in proportion to power.
+// Out:    one light a face of an emissive mesh, by ascending prim, then the others, infinite ones last; light_base of
+//         the meshes set; the cumulative distribution in proportion to power.
 // Memory: tag pack: one chunk; the table itself.
 // Order:  serial; sums in double, in the order of the table.
 

@@ -162,8 +162,8 @@ struct MixedScene {
       SPILLWAY_TRY(sink.add_instance(tree_object, t));
       SPILLWAY_TRY(sink.add_instance(empty_object, t));
     }
-    SPILLWAY_TRY(sink.add_light(light_of(shading::LightKind::point)));
-    return sink.add_light(light_of(shading::LightKind::infinite));
+    SPILLWAY_TRY(sink.add_light(light_of(shading::LightKind::infinite)));
+    return sink.add_light(light_of(shading::LightKind::point));
   }
 };
 

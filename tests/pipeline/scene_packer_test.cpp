@@ -120,7 +120,7 @@ TEST_F(ScenePackerTest, every_triangle_is_in_one_page_bit_for_bit) {
   }
 }
 
-TEST_F(ScenePackerTest, lights_are_faces_in_order_and_then_the_others) {
+TEST_F(ScenePackerTest, lights_are_faces_in_order_then_others_then_infinite_ones) {
   pack("a.store");
   const Store store = open("a.store");
   const shading::LightTable table = store.light_table();
@@ -137,7 +137,8 @@ TEST_F(ScenePackerTest, lights_are_faces_in_order_and_then_the_others) {
     EXPECT_EQ(table.lights[i].radiance.g, 5);
   }
   EXPECT_EQ(table.lights[2].kind, shading::LightKind::point);
-  EXPECT_EQ(table.lights[3].kind, shading::LightKind::infinite);
+  EXPECT_EQ(table.lights[3].kind, shading::LightKind::infinite);  // last, though it was said before the point
+  EXPECT_EQ(table.first_infinite, 3u);
   double total = 0;
   for (const shading::Light& light : table.lights) total += shading::light_power(light, table.scene_radius_world);
   double sum = 0;

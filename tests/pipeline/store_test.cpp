@@ -1,0 +1,320 @@
+#include "pipeline/store.h"
+
+#include <cmath>
+#include <limits>
+
+#include "cache/base/hash.h"
+#include "cache/trace_kernel.h"
+#include "pipeline/store_validation.h"
+#include "tests/pipeline/pack_scene.h"
+
+namespace spillway::pipeline::test {
+namespace {
+
+// Two quads, a lamp and an instance: a manifest of some thousand bytes, so that each can be tried.
+Status pack_small(const std::filesystem::path& path, std::vector<std::filesystem::path> sources = {}) {
+  SPILLWAY_ASSIGN(const auto packer, ScenePacker::create(path, {.source_files = std::move(sources)}));
+  packer->set_settings(small_settings());
+  SPILLWAY_TRY(packer->add_texture(TextureNode{}) ? Status{} : error("texture"));
+  TextureNode product;
+  product.kind = TextureKind::scale, product.child[0] = product.child[1] = 0;
+  SPILLWAY_TRY(packer->add_texture(product) ? Status{} : error("texture"));
+  Material material;
+  material.reflectance.texture = 1;
+  SPILLWAY_TRY(packer->add_material(material, "Floor") ? Status{} : error("material"));
+  Material mix;
+  mix.kind = MaterialKind::mix, mix.mix_material[0] = mix.mix_material[1] = 0;
+  SPILLWAY_TRY(packer->add_material(mix, "Mix") ? Status{} : error("material"));
+  const MeshData floor = wavy_grid("floor", 2, 1), lamp = wavy_grid("lamp", 1, 1), tree = wavy_grid("tree", 1, 1);
+  SPILLWAY_TRY(packer->add_mesh(floor.input(1)));
+  MeshInput lamp_input = lamp.input(0);
+  lamp_input.emits = true, lamp_input.emission = {1, 1, 1};
+  SPILLWAY_TRY(packer->add_mesh(lamp_input));
+  MeshInput tree_input = tree.input(0);
+  tree_input.object = packer->begin_object("Tree");
+  SPILLWAY_TRY(packer->add_mesh(tree_input));
+  SPILLWAY_TRY(packer->add_instance(tree_input.object, Affine3{}));
+  SPILLWAY_TRY(packer->add_light(light_of(shading::LightKind::spot)));
+  SPILLWAY_TRY(packer->add_light(light_of(shading::LightKind::distant)));
+  return packer->finish();
+}
+
+class StoreTest : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    const Status packed = pack_small(store_);
+    ASSERT_TRUE(packed) << packed.error().message;
+    manifest_ = file_bytes(store_ / kManifestFile);
+  }
+  void write_manifest(const std::string& bytes) {
+    std::ofstream(store_ / kManifestFile, std::ios::binary).write(bytes.data(), static_cast<std::streamsize>(bytes.size()));
+  }
+  // The start of section `name` in the manifest, and its entry.
+  size_t section_offset(const std::string& name, size_t& entry);
+  // Changes the manifest at a place of a section, with checksums put right again.
+  void damage(const std::string& section, size_t byte, std::byte flip);
+  template <class T>
+  void set(const std::string& section, size_t byte, T value);
+  void set_checksums(std::string& bytes, size_t entry);
+
+  TemporaryDirectory directory_;
+  std::filesystem::path store_ = directory_ / "a.store";
+  std::string manifest_;
+};
+
+// As drawn in cache/section_file.cpp.
+constexpr size_t kHeaderBytes = 32, kEntryBytes = 56, kHeaderChecksumAt = 24;
+constexpr size_t kEntryOffsetAt = 32, kEntrySizeAt = 40, kEntryChecksumAt = 48;
+
+template <class T>
+T value_at(const std::string& bytes, size_t at) {
+  T value;
+  std::memcpy(&value, bytes.data() + at, sizeof value);
+  return value;
+}
+
+size_t StoreTest::section_offset(const std::string& name, size_t& entry) {
+  const auto count = value_at<uint32_t>(manifest_, 12);
+  for (uint32_t i = 0; i < count; ++i) {
+    entry = kHeaderBytes + i * kEntryBytes;
+    if (std::string(manifest_.c_str() + entry) == name) return value_at<uint64_t>(manifest_, entry + kEntryOffsetAt);
+  }
+  ADD_FAILURE() << "no section " << name;
+  return 0;
+}
+
+void StoreTest::set_checksums(std::string& bytes, size_t entry) {
+  const auto offset = value_at<uint64_t>(bytes, entry + kEntryOffsetAt), size = value_at<uint64_t>(bytes, entry + kEntrySizeAt);
+  const uint64_t sum = checksum(bytes.data() + offset, size);
+  std::memcpy(bytes.data() + entry + kEntryChecksumAt, &sum, sizeof sum);
+  const uint64_t zero = 0;
+  std::memcpy(bytes.data() + kHeaderChecksumAt, &zero, sizeof zero);
+  const size_t entries = value_at<uint32_t>(bytes, 12) * kEntryBytes;
+  const uint64_t header = checksum(bytes.data() + kHeaderBytes, entries, checksum(bytes.data(), kHeaderBytes));
+  std::memcpy(bytes.data() + kHeaderChecksumAt, &header, sizeof header);
+}
+
+void StoreTest::damage(const std::string& section, size_t byte, std::byte flip) {
+  size_t entry = 0;
+  std::string bytes = manifest_;
+  const size_t at = section_offset(section, entry) + byte;
+  bytes[at] = static_cast<char>(static_cast<std::byte>(bytes[at]) ^ flip);
+  set_checksums(bytes, entry);
+  write_manifest(bytes);
+}
+
+template <class T>
+void StoreTest::set(const std::string& section, size_t byte, T value) {
+  size_t entry = 0;
+  std::string bytes = manifest_;
+  std::memcpy(bytes.data() + section_offset(section, entry) + byte, &value, sizeof value);
+  set_checksums(bytes, entry);
+  write_manifest(bytes);
+}
+
+// Follows everything a renderer follows in the tables; under the sanitizers this is the test.
+void use(const Store& store) {
+  const auto prims = static_cast<uint32_t>(store.settings().statistics.triangle_count);
+  for (uint32_t p = 0; p < prims; ++p) EXPECT_LT(store.mesh_of(PrimId{p}).value, store.meshes().size());
+  for (const Mesh& mesh : store.meshes()) EXPECT_LT(mesh.material, store.materials().size());
+  for (uint32_t m = 0; m < 3; ++m) (void)store.name_of("mesh", m);
+  (void)store.is_current({});
+  const shading::LightTable lights = store.light_table();
+  EXPECT_LE(lights.first_infinite, lights.lights.size());
+  for (const float u : {0.0f, 0.3f, 0.99f})
+    if (!lights.lights.empty()) (void)shading::sample_light(lights, {0.3f, 0.2f, -2}, u, {0.5f, 0.5f});
+
+  const std::string file = file_bytes(store.trace_pages_path());
+  std::vector<Buffer<std::byte>> pages;
+  std::vector<cache::TracePageView> views;
+  for (const cache::PageLocation& location : store.pages()) {
+    pages.emplace_back(MemoryTag::pages, location.size_bytes);
+    std::memcpy(pages.back().data(), file.data() + location.offset_bytes, location.size_bytes);
+    ASSERT_TRUE(cache::validate_trace_page(pages.back(), "page"));
+    views.push_back(cache::trace_page_view(pages.back()));
+  }
+  const cache::PageTree tree = store.page_tree();
+  for (int i = 0; i < 8; ++i) {
+    cache::TraceRay ray{{0.1f * static_cast<float>(i), 0.3f, 2}, INFINITY, {0.01f, 0.02f, -1}, 0};
+    cache::TraceHit hit = cache::no_hit(ray);
+    cache::TraceCounters counters;
+    cache::trace_resident<cache::TraceMode::nearest>(tree, {views.data()}, ray, hit, counters);
+    EXPECT_TRUE(hit.prim == PrimId::kNone || hit.prim < prims);
+  }
+}
+
+TEST_F(StoreTest, a_good_one_opens_and_rays_hit_it) {
+  const auto store = Store::open(store_);
+  ASSERT_TRUE(store) << store.error().message;
+  use(*store);
+  EXPECT_EQ(store->settings().statistics.triangle_count, 12u);
+  EXPECT_EQ(store->light_table().lights.size(), 4u);
+  EXPECT_EQ(store->textures_path(), store_ / "textures");
+}
+
+TEST_F(StoreTest, every_prefix_of_the_manifest_is_refused) {
+  for (size_t size = 0; size < manifest_.size(); ++size) {
+    write_manifest(manifest_.substr(0, size));
+    ASSERT_FALSE(Store::open(store_)) << size;
+  }
+  write_manifest(manifest_);
+  EXPECT_TRUE(Store::open(store_));
+}
+
+TEST_F(StoreTest, flipped_bytes_under_right_checksums_are_refused_or_harmless) {
+  const auto sections = {section::kSettings, section::kMeshes,      section::kMaterials,  section::kTextures,
+                         section::kLights,   section::kLightCdf,    section::kPages,      section::kTreeNodes,
+                         section::kTreeEntries, section::kTreeObjects, section::kInstances, section::kAttributes,
+                         section::kNames,    section::kSources};
+  size_t tried = 0, refused = 0;
+  for (const std::string section : sections) {
+    size_t entry = 0;
+    section_offset(section, entry);
+    const auto size = value_at<uint64_t>(manifest_, entry + kEntrySizeAt);
+    for (size_t i = 0; i < size; ++i)
+      for (const std::byte flip : {std::byte{0x01}, std::byte{0x80}, std::byte{0xff}}) {
+        damage(section, i, flip);
+        const auto store = Store::open(store_);
+        ++tried;
+        if (store) use(*store);
+        if (!store) ++refused;
+      }
+  }
+  EXPECT_GT(tried, 4000u);
+  EXPECT_GT(refused, tried / 10);  // most bytes are fractions of floats, colours and names, of which any is possible
+}
+
+struct Damage {
+  const char* section;
+  size_t byte;
+  uint32_t value;
+};
+
+TEST_F(StoreTest, each_law_between_the_tables_is_checked_and_the_section_named) {
+  const uint32_t nan = 0x7fc00000;
+  const Damage cases[] = {
+      {section::kSettings, offsetof(SceneSettings, camera) + offsetof(shading::Camera, resolution_x_px), 0},
+      {section::kSettings, offsetof(SceneSettings, camera) + offsetof(shading::Camera, resolution_y_px), 65537},
+      {section::kSettings, offsetof(SceneSettings, camera) + 4, nan},
+      {section::kSettings, offsetof(SceneSettings, camera) + offsetof(shading::Camera, tan_half_fov_x), nan},
+      {section::kSettings, offsetof(SceneSettings, filter), 5},
+      {section::kSettings, offsetof(SceneSettings, filter) + 4, 0},
+      {section::kSettings, offsetof(SceneSettings, film) + offsetof(FilmSettings, crop_x0), 70},
+      {section::kSettings, offsetof(SceneSettings, film) + offsetof(FilmSettings, exposure_scale), nan},
+      {section::kSettings, offsetof(SceneSettings, render), 0},
+      {section::kSettings, offsetof(SceneSettings, statistics) + offsetof(SceneStatistics, bounds_world), 0},
+      {section::kMeshes, offsetof(Mesh, prim_base), 1},
+      {section::kMeshes, offsetof(Mesh, face_count), 0},
+      {section::kMeshes, offsetof(Mesh, material), 2},
+      {section::kMeshes, offsetof(Mesh, material), 1},  // the next has 0
+      {section::kMeshes, offsetof(Mesh, object), 2},
+      {section::kMeshes, offsetof(Mesh, light_base), 1},
+      {section::kMeshes, offsetof(Mesh, alpha_texture), 2},
+      {section::kMeshes, offsetof(Mesh, flags), 8},
+      {section::kMaterials, offsetof(Material, kind), 7},
+      {section::kMaterials, offsetof(Material, reflectance) + offsetof(Param, texture), 2},
+      {section::kMaterials, offsetof(Material, base_u_roughness), nan},
+      {section::kMaterials, offsetof(Material, displacement), 2},
+      {section::kMaterials, sizeof(Material) + offsetof(Material, mix_material), 1},
+      {section::kTextures, sizeof(TextureNode) + offsetof(TextureNode, child), 1},  // itself
+      {section::kTextures, offsetof(TextureNode, kind), 4},
+      {section::kTextures, offsetof(TextureNode, wrap), 3},
+      {section::kTextures, offsetof(TextureNode, filter), 3},
+      {section::kTextures, offsetof(TextureNode, uv_scale), nan},
+      {section::kTextures, offsetof(TextureNode, kind), static_cast<uint32_t>(TextureKind::image)},  // without image
+      {section::kLights, offsetof(shading::Light, kind), 5},
+      {section::kLights, offsetof(shading::Light, kind), static_cast<uint32_t>(shading::LightKind::point)},
+      {section::kLights, offsetof(shading::Light, radiance), nan},
+      {section::kLights, 2 * sizeof(shading::Light), static_cast<uint32_t>(shading::LightKind::infinite)},
+      {section::kLights, 2 * sizeof(shading::Light) + offsetof(shading::Light, edge1), 0x40000000},  // not of length one
+      {section::kLightCdf, 0, 0x3c000000},   // not 0
+      {section::kLightCdf, 4, nan},
+      {section::kLightCdf, 4, 0x3f800001},   // beyond 1
+      {section::kLightCdf, 16, 0x3f7fffff},  // the last, just below 1
+      {section::kPages, offsetof(cache::PageLocation, offset_bytes), 4096},
+      {section::kPages, offsetof(cache::PageLocation, size_bytes), 100},
+      {section::kPages, offsetof(cache::PageLocation, triangle_count), 9},
+      {section::kPages, offsetof(cache::PageLocation, object), 1},
+      {section::kTreeEntries, offsetof(cache::PageTreeEntry, kind), 2},
+      {section::kTreeEntries, offsetof(cache::PageTreeEntry, index), 9},
+      {section::kTreeEntries, offsetof(cache::PageTreeEntry, index), 0},  // the prototype's page: now the world's, twice
+      {section::kTreeObjects, offsetof(cache::PageObject, root), cache::kNoChild},
+      {section::kTreeObjects, offsetof(cache::PageObject, bounds_object), nan},
+      {section::kInstances, 0, 0x3f800001},  // the world: not the identity
+      {section::kInstances, sizeof(cache::Instance), 0x3f900000},  // not the inverse of the other
+      {section::kInstances, sizeof(cache::Instance) + offsetof(cache::Instance, object), 0},
+      {section::kAttributes, offsetof(AttributeLocation, first_prim), 1},
+      {section::kAttributes, offsetof(AttributeLocation, prim_count), 11},
+      {section::kAttributes, offsetof(AttributeLocation, size_bytes), 4097},
+  };
+  for (const Damage& d : cases) {
+    set(d.section, d.byte, d.value);
+    const auto store = Store::open(store_);
+    ASSERT_FALSE(store) << d.section << " byte " << d.byte << " = " << d.value;
+    EXPECT_NE(store.error().message.find(kManifestFile), std::string::npos) << store.error().message;
+  }
+  set(section::kMeshes, offsetof(Mesh, alpha_texture), 2u);
+  EXPECT_NE(Store::open(store_).error().message.find("'meshes', item 0"), std::string::npos);
+}
+
+TEST_F(StoreTest, missing_and_short_files_are_named) {
+  for (const char* name : {kTracePagesFile, kAttributesFile}) {
+    const std::string whole = file_bytes(store_ / name);
+    std::filesystem::resize_file(store_ / name, whole.size() - 1);
+    auto store = Store::open(store_);
+    ASSERT_FALSE(store);
+    EXPECT_NE(store.error().message.find(name), std::string::npos);
+    std::filesystem::remove(store_ / name);
+    store = Store::open(store_);
+    ASSERT_FALSE(store);
+    EXPECT_NE(store.error().message.find(name), std::string::npos);
+    std::ofstream(store_ / name, std::ios::binary).write(whole.data(), static_cast<std::streamsize>(whole.size()));
+    EXPECT_TRUE(Store::open(store_));
+  }
+  std::filesystem::remove(store_ / kManifestFile);
+  const auto store = Store::open(store_);
+  ASSERT_FALSE(store);
+  EXPECT_NE(store.error().message.find("is no store"), std::string::npos);
+}
+
+TEST_F(StoreTest, a_store_is_current_until_a_source_changes) {
+  const std::filesystem::path a = directory_ / "scene.pbrt", b = directory_ / "mesh file.ply";
+  std::ofstream(a) << "one";
+  std::ofstream(b) << "two";
+  ASSERT_TRUE(pack_small(store_, {b, a}));
+  const auto store = Store::open(store_);
+  ASSERT_TRUE(store);
+  EXPECT_TRUE(store->is_current(std::vector{a}));
+  EXPECT_TRUE(store->is_current(std::vector{a, b}));
+  EXPECT_FALSE(store->is_current(std::vector{directory_ / "other.pbrt"}));
+  const auto changed = std::filesystem::last_write_time(b);
+  std::filesystem::last_write_time(b, changed + std::chrono::seconds(1));
+  EXPECT_FALSE(store->is_current(std::vector{a}));  // what the scene includes counts, too
+  std::filesystem::last_write_time(b, changed);
+  EXPECT_TRUE(store->is_current(std::vector{a}));
+  std::ofstream(b) << "three";
+  std::filesystem::last_write_time(b, changed);
+  EXPECT_FALSE(store->is_current(std::vector{a}));
+  std::filesystem::remove(b);
+  EXPECT_FALSE(store->is_current(std::vector{a}));
+}
+
+TEST_F(StoreTest, a_store_of_unknown_sources_is_never_current) {
+  EXPECT_FALSE(Store::open(store_)->is_current({}));
+}
+
+TEST_F(StoreTest, an_empty_scene_packs_and_opens) {
+  const auto packer = ScenePacker::create(directory_ / "empty", {});
+  ASSERT_TRUE(packer);
+  (*packer)->set_settings(small_settings());
+  const Status packed = (*packer)->finish();
+  ASSERT_TRUE(packed) << packed.error().message;
+  const auto store = Store::open(directory_ / "empty");
+  ASSERT_TRUE(store) << store.error().message;
+  EXPECT_EQ(store->settings().statistics.triangle_count, 0u);
+  EXPECT_EQ(store->light_table().scene_radius_world, 1);
+  use(*store);
+}
+
+}  // namespace
+}  // namespace spillway::pipeline::test
