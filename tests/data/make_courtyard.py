@@ -302,8 +302,9 @@ def wood_texture(folder):
 def rust_textures(folder):
     write_png(folder + "/rust.png", 192, 192, 1,
               lambda x, y: smoothstep(0.46, 0.56, turbulence(x / 192, y / 192, 5, 5, 41)))
+    blue = lambda x, y: (y + 5 * math.sin(2 * math.pi * x / 32)) % 32 <= 20
     write_png(folder + "/stripes.png", 64, 64, 3,
-              lambda x, y: (0.94, 0.92, 0.86) if 20 < (y + 5 * math.sin(2 * math.pi * x / 32)) % 32 else (0.16, 0.30, 0.58))
+              lambda x, y: (0.16, 0.30, 0.58) if blue(x, y) else (0.94, 0.92, 0.86))
 
 
 def fence_texture(folder):
@@ -397,8 +398,8 @@ def leaf_blade(length, width, bend, pieces):
     def vertex(i, j):
         py, pz, s = points[i]
         fold = 0.18 * width * abs(j - 1)
-        return (((j - 1) * width / 2, py + fold * math.cos(s), pz - fold * math.sin(s)), (0.0, math.cos(s), -math.sin(s)),
-                (j / 2, i / pieces))
+        up = (0.0, math.cos(s), -math.sin(s))
+        return (add(((j - 1) * width / 2, py, pz), scaled(up, fold)), up, (j / 2, i / pieces))
 
     mesh.grid(pieces, 2, vertex)
     return mesh
@@ -501,8 +502,8 @@ def meshes():
     cup += curve([(0.043, 0.072), (0.041, 0.03), (0.028, 0.009), (0.001, 0.007)], 5)
     out["cup"] = revolved(cup, 48, 4)
     handle = Mesh()
-    handle.tube(curve([(0.043, 0.060, 0), (0.066, 0.058, 0), (0.070, 0.036, 0), (0.058, 0.020, 0), (0.040, 0.022, 0)], 5),
-                0.0045, 8)
+    handle.tube(curve([(0.043, 0.060, 0), (0.066, 0.058, 0), (0.070, 0.036, 0), (0.058, 0.020, 0),
+                       (0.040, 0.022, 0)], 5), 0.0045, 8)
     out["cup_handle"] = handle
     saucer = curve([(0.001, 0.0), (0.035, 0.0), (0.075, 0.012), (0.078, 0.014), (0.075, 0.016), (0.035, 0.005),
                     (0.001, 0.005)], 5)
@@ -575,10 +576,9 @@ def building():
     stone.box((0.55, 0, BACK - 0.35), (1.95, 0.09, BACK + 0.2))
     stone.box((LEFT - 0.14, 0, NEAR), (LEFT + 0.14, 0.34, BACK))
     out["stone"] = stone
-    for x in (LEFT,):
-        pillar = Mesh()
-        pillar.box((x - 0.2, 0, BACK - 0.4), (x + 0.2, 2.45, BACK - 0.0), 1 / TILE)
-        out["pillar"] = pillar
+    pillar = Mesh()
+    pillar.box((LEFT - 0.2, 0, BACK - 0.4), (LEFT + 0.2, 2.45, BACK), 1 / TILE)
+    out["pillar"] = pillar
     caps = Mesh()
     caps.box((LEFT - 0.26, 2.45, BACK - 0.46), (LEFT + 0.26, 2.53, BACK + 0.02))
     out["pillar_cap"] = caps
@@ -702,7 +702,8 @@ UNIT_UV = [(0, 0), (1, 0), (1, 1), (0, 1)]
 def geometry():
     text = "# What stands in the courtyard.\n\n"
     text += 'NamedMaterial "wet paving"\n'
-    text += quad_text([(LEFT, 0, BACK + 0.3), (RIGHT + 0.1, 0, BACK + 0.3), (RIGHT + 0.1, 0, NEAR), (LEFT, 0, NEAR)], UNIT_UV)
+    far, right = BACK + 0.3, RIGHT + 0.1
+    text += quad_text([(LEFT, 0, far), (right, 0, far), (right, 0, NEAR), (LEFT, 0, NEAR)], UNIT_UV)
     text += 'NamedMaterial "earth"\n'
     text += quad_text([(-7, -0.05, 6.5), (RIGHT, -0.05, 6.5), (RIGHT, -0.05, NEAR), (-7, -0.05, NEAR)], UNIT_UV)
     text += 'NamedMaterial "brick"\n' + shape("wall_back") + shape("wall_right") + shape("pillar")
@@ -741,17 +742,19 @@ def geometry():
 def instances():
     rng = random.Random(11)
     text = "# What stands there many times.\n\n"
-    text += 'ObjectBegin "plant"\n  NamedMaterial "leaf"\n  ' + shape("plant", ' "texture alpha" "leaf alpha"') + "ObjectEnd\n"
-    text += 'ObjectBegin "ivy"\n  NamedMaterial "ivy"\n  ' + shape("ivy", ' "texture alpha" "ivy alpha"') + "ObjectEnd\n"
-    text += 'ObjectBegin "orange"\n  NamedMaterial "orange"\n  ' + shape("fruit") + "ObjectEnd\n"
-    text += 'ObjectBegin "apple"\n  NamedMaterial "apple"\n  ' + shape("fruit") + "ObjectEnd\n"
-    text += 'ObjectBegin "cypress"\n  NamedMaterial "cypress"\n  ' + shape("cypress") + "ObjectEnd\n\n"
+    for name, material, mesh, alpha in (("plant", "leaf", "plant", "leaf alpha"), ("ivy", "ivy", "ivy", "ivy alpha"),
+                                        ("orange", "orange", "fruit", ""), ("apple", "apple", "fruit", ""),
+                                        ("cypress", "cypress", "cypress", "")):
+        extra = ' "texture alpha" "%s"' % alpha if alpha else ""
+        text += 'ObjectBegin "%s"\n  NamedMaterial "%s"\n  %sObjectEnd\n' % (name, material, shape(mesh, extra))
+    text += "\n"
     text += instance("plant", translate(1.5, 0, 1.3))
     text += instance("plant", translate(-1.3, 0, -0.1), rotate_y(70), scale(0.9))
     text += instance("plant", translate(0.2, 0, 2.4), rotate_y(200), scale(0.8))
     text += instance("plant", translate(0.12, 0.93, 0.24), rotate_y(33), scale(0.55))
-    fruits = [(0.0, 0.055, 0.0), (0.085, 0.07, 0.02), (-0.08, 0.07, 0.03), (0.02, 0.072, 0.088), (-0.015, 0.072, -0.088),
-              (0.05, 0.125, -0.035), (-0.045, 0.125, 0.04), (0.035, 0.128, 0.052), (-0.05, 0.122, -0.045)]
+    fruits = [(0.0, 0.055, 0.0), (0.085, 0.07, 0.02), (-0.08, 0.07, 0.03), (0.02, 0.072, 0.088),
+              (-0.015, 0.072, -0.088), (0.05, 0.125, -0.035), (-0.045, 0.125, 0.04),
+              (0.035, 0.128, 0.052), (-0.05, 0.122, -0.045)]
     for k, (x, y, z) in enumerate(fruits):
         text += instance("apple" if k % 3 == 1 else "orange", translate(-0.24 + x, 0.75 + y, -0.02 + z),
                          "Rotate %d 1 0 0" % rng.randrange(-40, 40), rotate_y(rng.randrange(360)), scale(0.043))
@@ -759,15 +762,16 @@ def instances():
                     (-5.4, -0.6, 0.8)):
         text += instance("cypress", translate(x, 0, z), rotate_y(rng.randrange(360)), scale(s))
     for x, y in vine(rng, 150):
-        text += instance("ivy", translate(x, y, BACK), "Rotate %d 0 0 1" % rng.randrange(360), scale(rng.uniform(0.8, 1.3)))
+        text += instance("ivy", translate(x, y, BACK), "Rotate %d 0 0 1" % rng.randrange(360),
+                         scale(rng.uniform(0.8, 1.3)))
     for z, y in vine(rng, 60):
-        text += instance("ivy", translate(RIGHT, y, 3.2 + z * 0.5), rotate_y(90), "Rotate %d 0 0 1" % rng.randrange(360),
-                         scale(rng.uniform(0.8, 1.2)))
+        text += instance("ivy", translate(RIGHT, y, 1.2 + z * 0.5), rotate_y(90),
+                         "Rotate %d 0 0 1" % rng.randrange(360), scale(rng.uniform(0.8, 1.2)))
     return text
 
 
 def vine(rng, count):
-    """Points of plants that grow up from the left and along the wall's top, and hang down in strands."""
+    """Points below a wall's top, most of them at the left, in strands that hang down."""
     out = []
     while len(out) < count:
         x = -2.5 + 4.6 * rng.random() ** 1.3
@@ -820,9 +824,10 @@ AttributeBegin
     for k, (t, colour) in enumerate(((0.19, (15, 7.5, 2.7)), (0.36, (14, 8, 3.2)), (0.53, (15, 7, 2.4)),
                                      (0.70, (14, 8.5, 3.6)))):
         p = cable_point(t)
-        text += "AttributeBegin\n  " + translate(p[0], p[1] - 0.22, p[2]) + " " + scale(1.3) + '\n  NamedMaterial "iron"\n  ' + shape("lantern_caps")
-        text += '  NamedMaterial "paper"\n  AreaLightSource "diffuse" "rgb L" [ %g %g %g ] "float scale" 0.19\n  ' % colour
-        text += shape("lantern") + "AttributeEnd\n"
+        text += "AttributeBegin\n  " + translate(p[0], p[1] - 0.22, p[2]) + " " + scale(1.3)
+        text += '\n  NamedMaterial "iron"\n  ' + shape("lantern_caps")
+        text += '  NamedMaterial "paper"\n  AreaLightSource "diffuse" "rgb L" [ %g %g %g ] "float scale" 0.19\n' % colour
+        text += "  " + shape("lantern") + "AttributeEnd\n"
     return text
 
 
