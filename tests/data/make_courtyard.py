@@ -826,7 +826,8 @@ AttributeBegin
         p = cable_point(t)
         text += "AttributeBegin\n  " + translate(p[0], p[1] - 0.22, p[2]) + " " + scale(1.3)
         text += '\n  NamedMaterial "iron"\n  ' + shape("lantern_caps")
-        text += '  NamedMaterial "paper"\n  AreaLightSource "diffuse" "rgb L" [ %g %g %g ] "float scale" 0.19\n' % colour
+        text += '  NamedMaterial "paper"\n'
+        text += '  AreaLightSource "diffuse" "rgb L" [ %g %g %g ] "float scale" 0.19\n' % colour
         text += "  " + shape("lantern") + "AttributeEnd\n"
     return text
 
