@@ -302,8 +302,9 @@ def wood_texture(folder):
 def rust_textures(folder):
     write_png(folder + "/rust.png", 192, 192, 1,
               lambda x, y: smoothstep(0.46, 0.56, turbulence(x / 192, y / 192, 5, 5, 41)))
+    blue = lambda x, y: (y + 5 * math.sin(2 * math.pi * x / 32)) % 32 <= 20
     write_png(folder + "/stripes.png", 64, 64, 3,
-              lambda x, y: (0.94, 0.92, 0.86) if 20 < (y + 5 * math.sin(2 * math.pi * x / 32)) % 32 else (0.16, 0.30, 0.58))
+              lambda x, y: (0.16, 0.30, 0.58) if blue(x, y) else (0.94, 0.92, 0.86))
 
 
 def fence_texture(folder):
@@ -397,8 +398,8 @@ def leaf_blade(length, width, bend, pieces):
     def vertex(i, j):
         py, pz, s = points[i]
         fold = 0.18 * width * abs(j - 1)
-        return (((j - 1) * width / 2, py + fold * math.cos(s), pz - fold * math.sin(s)), (0.0, math.cos(s), -math.sin(s)),
-                (j / 2, i / pieces))
+        up = (0.0, math.cos(s), -math.sin(s))
+        return (add(((j - 1) * width / 2, py, pz), scaled(up, fold)), up, (j / 2, i / pieces))
 
     mesh.grid(pieces, 2, vertex)
     return mesh
@@ -501,8 +502,8 @@ def meshes():
     cup += curve([(0.043, 0.072), (0.041, 0.03), (0.028, 0.009), (0.001, 0.007)], 5)
     out["cup"] = revolved(cup, 48, 4)
     handle = Mesh()
-    handle.tube(curve([(0.043, 0.060, 0), (0.066, 0.058, 0), (0.070, 0.036, 0), (0.058, 0.020, 0), (0.040, 0.022, 0)], 5),
-                0.0045, 8)
+    handle.tube(curve([(0.043, 0.060, 0), (0.066, 0.058, 0), (0.070, 0.036, 0), (0.058, 0.020, 0),
+                       (0.040, 0.022, 0)], 5), 0.0045, 8)
     out["cup_handle"] = handle
     saucer = curve([(0.001, 0.0), (0.035, 0.0), (0.075, 0.012), (0.078, 0.014), (0.075, 0.016), (0.035, 0.005),
                     (0.001, 0.005)], 5)
@@ -544,7 +545,7 @@ def cable_point(t):
     return (-2.9 + 6.0 * t, 2.55 - 1.9 * t * (1 - t), 2.3 - 2.1 * t)
 
 
-BACK, RIGHT, LEFT = 2.9, 2.4, -2.6  # the walls: z, x, and the fence's x
+BACK, RIGHT, LEFT, NEAR = 2.9, 2.4, -2.6, -4.0  # z of the back wall, x of right wall and fence, z where all ends
 TILE = 1.1  # metres a repetition of the bricks
 
 
@@ -564,24 +565,27 @@ def building():
         back.quad((x1, y0, BACK + 0.25), (0, 0, -0.25), (0, y1 - y0, 0), 0.25 / TILE, (y1 - y0) / TILE)
         back.quad((x0, y1, BACK), (0, 0, 0.25), (x1 - x0, 0, 0), 0.25 / TILE, (x1 - x0) / TILE)
     right = Mesh()  # faces -x
-    right.quad((RIGHT, 0, -6.0), (0, 0, BACK + 6.0), (0, 2.9, 0), (BACK + 6.0) / TILE, 2.9 / TILE)
+    right.quad((RIGHT, 0, NEAR), (0, 0, BACK - NEAR), (0, 2.9, 0), (BACK - NEAR) / TILE, 2.9 / TILE)
     out["wall_back"], out["wall_right"] = back, right
     stone = Mesh()  # copings, sill, lintel, doorstep
     stone.box((LEFT - 0.1, 2.9, BACK - 0.06), (RIGHT + 0.3, 2.98, BACK + 0.3))
-    stone.box((RIGHT - 0.06, 2.9, -6.0), (RIGHT + 0.3, 2.98, BACK - 0.06))
+    stone.box((RIGHT - 0.06, 2.9, NEAR), (RIGHT + 0.3, 2.98, BACK - 0.06))
     stone.box((-1.85, 0.87, BACK - 0.10), (-0.65, 0.95, BACK + 0.3))
     stone.box((-1.87, 2.05, BACK - 0.03), (-0.63, 2.18, BACK + 0.1))
     stone.box((0.60, 2.1, BACK - 0.03), (1.90, 2.24, BACK + 0.1))
     stone.box((0.55, 0, BACK - 0.35), (1.95, 0.09, BACK + 0.2))
-    stone.box((LEFT - 0.14, 0, -6.0), (LEFT + 0.14, 0.34, BACK))
+    stone.box((LEFT - 0.14, 0, NEAR), (LEFT + 0.14, 0.34, BACK))
     out["stone"] = stone
-    for x in (LEFT,):
-        pillar = Mesh()
-        pillar.box((x - 0.2, 0, BACK - 0.4), (x + 0.2, 2.45, BACK - 0.0), 1 / TILE)
-        out["pillar"] = pillar
+    pillar = Mesh()
+    pillar.box((LEFT - 0.2, 0, BACK - 0.4), (LEFT + 0.2, 2.45, BACK), 1 / TILE)
+    out["pillar"] = pillar
     caps = Mesh()
     caps.box((LEFT - 0.26, 2.45, BACK - 0.46), (LEFT + 0.26, 2.53, BACK + 0.02))
     out["pillar_cap"] = caps
+    hedge = Mesh()  # hides where the ground ends
+    hedge.box((-7.0, 0, NEAR), (-6.5, 1.05, 6.5))
+    hedge.box((-6.5, 0, 6.0), (RIGHT, 1.05, 6.5))
+    out["hedge"] = hedge
     door = Mesh()
     door.quad((0.75, 0, BACK + 0.2), (0, 2.1, 0), (1.0, 0, 0), 1.5, 1)
     out["door"] = door
@@ -603,9 +607,9 @@ Texture "brick colour" "spectrum" "imagemap" "string filename" "textures/brick.p
 Texture "brick height" "float" "imagemap" "string filename" "textures/brick_height.png" "string encoding" "linear"
   "float scale" 0.012
 Texture "paving colour" "spectrum" "imagemap" "string filename" "textures/paving.png"
-  "float uscale" 6 "float vscale" 6 "string filter" "trilinear"
+  "float uscale" 5 "float vscale" 6.5 "string filter" "trilinear"
 Texture "paving image" "float" "imagemap" "string filename" "textures/paving_height.png" "string encoding" "linear"
-  "float uscale" 6 "float vscale" 6
+  "float uscale" 5 "float vscale" 6.5
 Texture "paving height" "float" "scale" "texture tex" "paving image" "float scale" 0.016
 Texture "wood colour" "spectrum" "imagemap" "string filename" "textures/wood.png"
 Texture "dark wood" "spectrum" "scale" "texture tex" "wood colour" "float scale" 0.55
@@ -615,7 +619,7 @@ Texture "rust colour" "spectrum" "mix" "rgb tex1" [ 0.36 0.15 0.07 ] "rgb tex2" 
   "texture amount" "rust amount"
 Texture "glaze" "spectrum" "imagemap" "string filename" "textures/stripes.png"
 Texture "fence alpha" "float" "imagemap" "string filename" "textures/fence_alpha.png" "string encoding" "linear"
-  "float uscale" 5
+  "float uscale" 4
 Texture "leaf colour" "spectrum" "imagemap" "string filename" "textures/leaf.png"
 Texture "leaf alpha" "float" "imagemap" "string filename" "textures/leaf_alpha.png" "string encoding" "linear"
   "string wrap" "black"
@@ -698,14 +702,16 @@ UNIT_UV = [(0, 0), (1, 0), (1, 1), (0, 1)]
 def geometry():
     text = "# What stands in the courtyard.\n\n"
     text += 'NamedMaterial "wet paving"\n'
-    text += quad_text([(LEFT, 0, BACK + 0.3), (RIGHT + 0.1, 0, BACK + 0.3), (RIGHT + 0.1, 0, -6), (LEFT, 0, -6)], UNIT_UV)
+    far, right = BACK + 0.3, RIGHT + 0.1
+    text += quad_text([(LEFT, 0, far), (right, 0, far), (right, 0, NEAR), (LEFT, 0, NEAR)], UNIT_UV)
     text += 'NamedMaterial "earth"\n'
-    text += quad_text([(-40, -0.05, 40), (40, -0.05, 40), (40, -0.05, -20), (-40, -0.05, -20)], UNIT_UV)
+    text += quad_text([(-7, -0.05, 6.5), (RIGHT, -0.05, 6.5), (RIGHT, -0.05, NEAR), (-7, -0.05, NEAR)], UNIT_UV)
     text += 'NamedMaterial "brick"\n' + shape("wall_back") + shape("wall_right") + shape("pillar")
+    text += 'NamedMaterial "cypress"\n' + shape("hedge")
     text += 'NamedMaterial "stone"\n' + shape("stone") + shape("pillar_cap")
     text += 'NamedMaterial "painted wood"\n' + shape("door") + shape("window_frame")
     text += 'NamedMaterial "iron"\n'
-    text += quad_text([(LEFT, 0.34, -5.9), (LEFT, 0.34, BACK - 0.4), (LEFT, 1.95, BACK - 0.4), (LEFT, 1.95, -5.9)],
+    text += quad_text([(LEFT, 0.34, NEAR), (LEFT, 0.34, BACK - 0.4), (LEFT, 1.95, BACK - 0.4), (LEFT, 1.95, NEAR)],
                       UNIT_UV, ' "texture alpha" "fence alpha"')
     text += shape("cable")
     text += "\n# The table.\n"
@@ -736,33 +742,36 @@ def geometry():
 def instances():
     rng = random.Random(11)
     text = "# What stands there many times.\n\n"
-    text += 'ObjectBegin "plant"\n  NamedMaterial "leaf"\n  ' + shape("plant", ' "texture alpha" "leaf alpha"') + "ObjectEnd\n"
-    text += 'ObjectBegin "ivy"\n  NamedMaterial "ivy"\n  ' + shape("ivy", ' "texture alpha" "ivy alpha"') + "ObjectEnd\n"
-    text += 'ObjectBegin "orange"\n  NamedMaterial "orange"\n  ' + shape("fruit") + "ObjectEnd\n"
-    text += 'ObjectBegin "apple"\n  NamedMaterial "apple"\n  ' + shape("fruit") + "ObjectEnd\n"
-    text += 'ObjectBegin "cypress"\n  NamedMaterial "cypress"\n  ' + shape("cypress") + "ObjectEnd\n\n"
+    for name, material, mesh, alpha in (("plant", "leaf", "plant", "leaf alpha"), ("ivy", "ivy", "ivy", "ivy alpha"),
+                                        ("orange", "orange", "fruit", ""), ("apple", "apple", "fruit", ""),
+                                        ("cypress", "cypress", "cypress", "")):
+        extra = ' "texture alpha" "%s"' % alpha if alpha else ""
+        text += 'ObjectBegin "%s"\n  NamedMaterial "%s"\n  %sObjectEnd\n' % (name, material, shape(mesh, extra))
+    text += "\n"
     text += instance("plant", translate(1.5, 0, 1.3))
     text += instance("plant", translate(-1.3, 0, -0.1), rotate_y(70), scale(0.9))
     text += instance("plant", translate(0.2, 0, 2.4), rotate_y(200), scale(0.8))
     text += instance("plant", translate(0.12, 0.93, 0.24), rotate_y(33), scale(0.55))
-    fruits = [(0.0, 0.055, 0.0), (0.085, 0.07, 0.02), (-0.08, 0.07, 0.03), (0.02, 0.072, 0.088), (-0.015, 0.072, -0.088),
-              (0.05, 0.125, -0.035), (-0.045, 0.125, 0.04), (0.035, 0.128, 0.052), (-0.05, 0.122, -0.045)]
+    fruits = [(0.0, 0.055, 0.0), (0.085, 0.07, 0.02), (-0.08, 0.07, 0.03), (0.02, 0.072, 0.088),
+              (-0.015, 0.072, -0.088), (0.05, 0.125, -0.035), (-0.045, 0.125, 0.04),
+              (0.035, 0.128, 0.052), (-0.05, 0.122, -0.045)]
     for k, (x, y, z) in enumerate(fruits):
         text += instance("apple" if k % 3 == 1 else "orange", translate(-0.24 + x, 0.75 + y, -0.02 + z),
                          "Rotate %d 1 0 0" % rng.randrange(-40, 40), rotate_y(rng.randrange(360)), scale(0.043))
-    for x, z, s in ((-5.2, 4.4, 1.0), (-3.9, 6.2, 1.15), (-6.8, 1.6, 0.95), (-1.6, 7.5, 1.25), (4.8, 7.0, 1.2),
-                    (-5.6, -1.0, 0.8)):
+    for x, z, s in ((-4.7, 3.6, 1.0), (-3.9, 5.2, 1.1), (-5.9, 1.8, 0.9), (-1.8, 5.9, 1.15), (1.6, 5.8, 1.1),
+                    (-5.4, -0.6, 0.8)):
         text += instance("cypress", translate(x, 0, z), rotate_y(rng.randrange(360)), scale(s))
     for x, y in vine(rng, 150):
-        text += instance("ivy", translate(x, y, BACK), "Rotate %d 0 0 1" % rng.randrange(360), scale(rng.uniform(0.8, 1.3)))
+        text += instance("ivy", translate(x, y, BACK), "Rotate %d 0 0 1" % rng.randrange(360),
+                         scale(rng.uniform(0.8, 1.3)))
     for z, y in vine(rng, 60):
-        text += instance("ivy", translate(RIGHT, y, 3.2 + z * 0.5), rotate_y(90), "Rotate %d 0 0 1" % rng.randrange(360),
-                         scale(rng.uniform(0.8, 1.2)))
+        text += instance("ivy", translate(RIGHT, y, 1.2 + z * 0.5), rotate_y(90),
+                         "Rotate %d 0 0 1" % rng.randrange(360), scale(rng.uniform(0.8, 1.2)))
     return text
 
 
 def vine(rng, count):
-    """Points of plants that grow up from the left and along the wall's top, and hang down in strands."""
+    """Points below a wall's top, most of them at the left, in strands that hang down."""
     out = []
     while len(out) < count:
         x = -2.5 + 4.6 * rng.random() ** 1.3
@@ -815,9 +824,11 @@ AttributeBegin
     for k, (t, colour) in enumerate(((0.19, (15, 7.5, 2.7)), (0.36, (14, 8, 3.2)), (0.53, (15, 7, 2.4)),
                                      (0.70, (14, 8.5, 3.6)))):
         p = cable_point(t)
-        text += "AttributeBegin\n  " + translate(p[0], p[1] - 0.22, p[2]) + " " + scale(1.3) + '\n  NamedMaterial "iron"\n  ' + shape("lantern_caps")
-        text += '  NamedMaterial "paper"\n  AreaLightSource "diffuse" "rgb L" [ %g %g %g ] "float scale" 0.19\n  ' % colour
-        text += shape("lantern") + "AttributeEnd\n"
+        text += "AttributeBegin\n  " + translate(p[0], p[1] - 0.22, p[2]) + " " + scale(1.3)
+        text += '\n  NamedMaterial "iron"\n  ' + shape("lantern_caps")
+        text += '  NamedMaterial "paper"\n'
+        text += '  AreaLightSource "diffuse" "rgb L" [ %g %g %g ] "float scale" 0.19\n' % colour
+        text += "  " + shape("lantern") + "AttributeEnd\n"
     return text
 
 
