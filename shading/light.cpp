@@ -107,6 +107,7 @@ float light_power(const Light& light, float scene_radius_world) {
 }
 
 LightSample sample_light(const LightTable& table, Float3 receiver_world, float u_select, Float2 u) {
+  if (table.lights.empty()) return {};
   const auto after = std::upper_bound(table.cdf.begin() + 1, table.cdf.end() - 1, u_select);
   const auto index = static_cast<uint32_t>(after - table.cdf.begin()) - 1;
   const Light& light = table.lights[index];
@@ -139,6 +140,7 @@ Rgb infinite_radiance(const LightTable& table, Float3) {
 }
 
 float infinite_pdf_solid_angle(const LightTable& table, Float3) {
+  if (!has_infinite_light(table)) return 0;
   const auto count = static_cast<uint32_t>(table.lights.size());
   return (table.cdf[count] - table.cdf[table.first_infinite]) * (0.25f / kPi);
 }

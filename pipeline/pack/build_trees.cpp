@@ -6,6 +6,7 @@
 #include <embree3/rtcore.h>
 #endif
 
+#include <tbb/task_arena.h>
 #include <algorithm>
 #include <cmath>
 #include <cstring>
@@ -73,7 +74,7 @@ using Bvh = std::unique_ptr<RTCBVHTy, BvhRelease>;
 
 // One tree a thread: a build that is parallel inside would not give the same tree every time.
 RTCDevice device() {
-  static const Device shared(rtcNewDevice("threads=1"));
+  static const Device shared(rtcNewDevice(nullptr));
   return shared.get();
 }
 
@@ -101,7 +102,8 @@ EmbreeTree build(std::vector<RTCBuildPrimitive>& prims, unsigned branching, unsi
   arguments.setNodeChildren = set_children;
   arguments.setNodeBounds = set_bounds;
   arguments.createLeaf = make_leaf;
-  tree.root = static_cast<const BuildNode*>(rtcBuildBVH(&arguments));
+  thread_local tbb::task_arena alone(1);
+  alone.execute([&] { tree.root = static_cast<const BuildNode*>(rtcBuildBVH(&arguments)); });
   return tree;
 }
 
@@ -225,7 +227,7 @@ Buffer<std::byte> build_trace_page(std::span<const PackTriangle> triangles,
   Bounds3 bounds;
   for (const PackTriangle& triangle : triangles) bounds.grow(bounds_of(triangle));
   header.lower = bounds.lower, header.upper = bounds.upper;
-  std::memcpy(bytes.data() + nodes_at, page.nodes.data(), page.nodes.size() * sizeof(TraceNode));
+  if (!page.nodes.empty()) std::memcpy(bytes.data() + nodes_at, page.nodes.data(), page.nodes.size() * sizeof(TraceNode));
   std::memcpy(bytes.data() + leaves_at, page.leaves.data(), page.leaves.size() * sizeof(TraceLeaf));
   if (!maps.empty()) std::memcpy(bytes.data() + maps_at, maps.data(), maps.size());
   std::memcpy(bytes.data(), &header, sizeof header);

@@ -21,7 +21,7 @@ namespace spillway::pipeline {
 
 enum MeshChunkColumn : uint32_t { kChunkNormals = 1, kChunkUvs = 2 };
 
-// Faces of one mesh that follow each other, at most kMaxFacesPerAttributeBlock, with their own deduplicated vertices.
+// Faces of one mesh that follow each other, at most a block of attributes, with their own deduplicated vertices.
 struct MeshChunk {
   uint64_t offset_bytes = 0;
   uint32_t face_count = 0;

@@ -4,10 +4,10 @@ namespace spillway::pipeline {
 namespace {
 
 // Chunks [first, last) that make the next block: as many whole ones as fit.
-size_t block_end(const std::vector<PlacedChunk>& chunks, size_t first) {
+size_t block_end(const std::vector<PlacedChunk>& chunks, size_t first, uint32_t max_faces) {
   uint32_t faces = 0;
   size_t last = first;
-  while (last < chunks.size() && faces + chunks[last].chunk.face_count <= cache::kMaxFacesPerAttributeBlock)
+  while (last < chunks.size() && faces + chunks[last].chunk.face_count <= max_faces)
     faces += chunks[last++].chunk.face_count;
   return last;
 }
@@ -34,11 +34,12 @@ Result<AttributeLocation> write_block(const SpooledScene& scene, SpoolReader& re
 
 }  // namespace
 
-Result<std::vector<AttributeLocation>> pack_attributes(const SpooledScene& scene, cache::WriteFile& file) {
+Result<std::vector<AttributeLocation>> pack_attributes(const SpooledScene& scene, uint32_t max_faces_per_block,
+                                                       cache::WriteFile& file) {
   std::vector<AttributeLocation> locations;
   SpoolReader reader(*scene.spool);
   for (size_t first = 0; first < scene.chunks.size();) {
-    const size_t last = block_end(scene.chunks, first);
+    const size_t last = block_end(scene.chunks, first, max_faces_per_block);
     SPILLWAY_ASSIGN(locations.emplace_back(), write_block(scene, reader, first, last, file));
     first = last;
   }

@@ -3,7 +3,7 @@
 // Writes the attribute file.
 //
 // In:     the spooled scene, chunks by ascending prim.
-// Out:    attributes.blocks: chunks joined into blocks of at most kMaxFacesPerAttributeBlock faces, by ascending prim;
+// Out:    attributes.blocks: chunks joined into blocks of at most max_faces_per_block faces, by ascending prim;
 //         one AttributeLocation a block.
 // Memory: tag pack: one block. Nothing spills.
 // Order:  serial, bound by the disk; what is in a block follows from the meshes alone, not from the page layout.
@@ -15,6 +15,7 @@
 
 namespace spillway::pipeline {
 
-Result<std::vector<AttributeLocation>> pack_attributes(const SpooledScene& scene, cache::WriteFile& file);
+Result<std::vector<AttributeLocation>> pack_attributes(const SpooledScene& scene, uint32_t max_faces_per_block,
+                                                       cache::WriteFile& file);
 
 }  // namespace spillway::pipeline

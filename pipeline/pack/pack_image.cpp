@@ -10,6 +10,7 @@
 #include <cmath>
 #include <csignal>
 #include <cstring>
+#include <span>
 #include <vector>
 
 namespace spillway::pipeline {
@@ -136,6 +137,22 @@ Result<Decoded> read_image(const std::string& source, cache::TexelEncoding encod
   return d;
 }
 
+// Whole tiles with zeros beyond the image: the library would leave there what was in memory.
+template <class T>
+bool write_tiles(OIIO::ImageOutput& output, const Level& level, OIIO::TypeDesc type, std::span<const T> texels) {
+  const size_t size = cache::kTileSize, channels = level.channels;
+  for (size_t y = 0; y < level.height; y += size)
+    for (size_t x = 0; x < level.width; x += size) {
+      std::vector<T> tile(size * size * channels);
+      const size_t columns = std::min(size, level.width - x), rows = std::min(size, level.height - y);
+      for (size_t row = 0; row < rows; ++row)
+        std::copy_n(texels.begin() + static_cast<ptrdiff_t>(((y + row) * level.width + x) * channels), columns * channels,
+                    tile.begin() + static_cast<ptrdiff_t>(row * size * channels));
+      if (!output.write_tile(static_cast<int>(x), static_cast<int>(y), 0, type, tile.data())) return false;
+    }
+  return true;
+}
+
 Status write_levels(const Decoded& source, const std::filesystem::path& path, cache::ImageInfo& info) {
   const std::string name = path.string();
   const auto output = OIIO::ImageOutput::create(name);
@@ -147,14 +164,15 @@ Status write_levels(const Decoded& source, const std::filesystem::path& path, ca
     spec.tile_width = spec.tile_height = static_cast<int>(cache::kTileSize);
     spec.attribute("compression", "none");
     spec.attribute("Software", "Spillway");
+    spec.attribute("DateTime", "1970:01:01 00:00:00");  // else the store's bytes would tell when it was made
     // A TIFF has no MIP levels of its own: the library takes the pages of a file so marked for levels.
     spec.attribute("textureformat", "Plain Texture");
     const auto mode = info.levels == 0 ? OIIO::ImageOutput::Create : OIIO::ImageOutput::AppendSubimage;
     bool written = output->open(name, spec, mode);
     if (written && info.texel_bytes == 1)
-      written = output->write_image(OIIO::TypeUInt8, info.levels == 0 ? source.bytes.data() : encoded(level, info).data());
+      written = write_tiles<uint8_t>(*output, level, OIIO::TypeUInt8, info.levels == 0 ? source.bytes : encoded(level, info));
     else if (written)
-      written = output->write_image(OIIO::TypeFloat, level.texels.data());
+      written = write_tiles<float>(*output, level, OIIO::TypeFloat, level.texels);
     if (!written) return error("{}: cannot be written: {}", name, output->geterror());
     if (level.width == 1 && level.height == 1) break;
     level = half_size(level);
@@ -195,7 +213,9 @@ void limit(int resource, uint64_t value) {
 // Runs in the child; never returns.
 [[noreturn]] void child(int pipe, const std::filesystem::path& source, cache::TexelEncoding encoding,
                         const std::filesystem::path& directory, uint32_t index, const PackImageOptions& options) {
+#ifndef __SANITIZE_ADDRESS__
   limit(RLIMIT_AS, options.memory_limit_bytes);
+#endif
   limit(RLIMIT_CPU, options.time_limit_seconds);
   limit(RLIMIT_CORE, 0);
   Outcome outcome;

@@ -29,14 +29,30 @@ Status add_chunk_lights(const SpooledMesh& mesh, const MeshChunk& chunk, SpoolRe
   return {};
 }
 
+bool has_place(const shading::Light& light) {
+  return light.kind != shading::LightKind::distant && light.kind != shading::LightKind::infinite;
+}
+
+// The power of sun and sky is what the scene's whole sphere catches, and a room sees little of it: beside lights that
+// have a place they get at most half of the samples.
+void limit_unbounded(std::span<const shading::Light> lights, std::span<double> power) {
+  double with_place = 0, without = 0;
+  for (size_t i = 0; i < lights.size(); ++i) (has_place(lights[i]) ? with_place : without) += power[i];
+  if (with_place == 0 || without <= with_place) return;
+  for (size_t i = 0; i < lights.size(); ++i)
+    if (!has_place(lights[i])) power[i] *= with_place / without;
+}
+
 Result<std::vector<float>> power_cdf(std::span<const shading::Light> lights, float scene_radius_world) {
-  std::vector<double> sum{0};
+  std::vector<double> power;
   for (const shading::Light& light : lights) {
-    const double power = shading::light_power(light, scene_radius_world);
-    if (!std::isfinite(power) || power < 0)
-      return error("light {}: has a power of {}; scale its emission or the scene down", sum.size() - 1, power);
-    sum.push_back(sum.back() + power);
+    power.push_back(shading::light_power(light, scene_radius_world));
+    if (!std::isfinite(power.back()) || power.back() < 0)
+      return error("light {}: has a power of {}; scale its emission or the scene down", power.size() - 1, power.back());
   }
+  limit_unbounded(lights, power);
+  std::vector<double> sum{0};
+  for (const double p : power) sum.push_back(sum.back() + p);
   // Without any power each light is as good as the others.
   if (sum.back() == 0)
     for (size_t i = 0; i < sum.size(); ++i) sum[i] = static_cast<double>(i);

@@ -12,6 +12,7 @@
 #include "pipeline/source_files.h"
 #include "pipeline/store.h"
 #include "pipeline/store_validation.h"
+#include "shading/bsdf.h"
 
 namespace spillway::pipeline {
 namespace {
@@ -74,6 +75,10 @@ Result<std::unique_ptr<ScenePacker>> ScenePacker::create(const fs::path& store_d
   if (options.max_triangles_per_page == 0 || options.max_triangles_per_page > cache::kMaxTrianglesPerPage)
     return error("{} triangles a page; 1 to {} are possible", options.max_triangles_per_page,
                  cache::kMaxTrianglesPerPage);
+  if (options.max_faces_per_attribute_block == 0 ||
+      options.max_faces_per_attribute_block > cache::kMaxFacesPerAttributeBlock)
+    return error("{} faces a block of attributes; 1 to {} are possible", options.max_faces_per_attribute_block,
+                 cache::kMaxFacesPerAttributeBlock);
   SPILLWAY_TRY(check_directory(store_directory));
   std::unique_ptr<ScenePacker> packer(new ScenePacker());
   packer->directory_ = store_directory;
@@ -133,6 +138,7 @@ Result<MaterialId> ScenePacker::add_material(const Material& material, std::stri
   const Status valid = check_material(material, index, textures_.size(), fmt::format("material '{}'", name));
   if (!valid) return fail<MaterialId>(valid.error());
   materials_.push_back(material);
+  materials_.back().coat_internal_reflectance = shading::internal_diffuse_reflectance(material.eta);
   material_names_.push_back(std::move(name));
   return MaterialId{static_cast<uint32_t>(index)};
 }
@@ -171,7 +177,7 @@ Status ScenePacker::check_mesh(const MeshInput& mesh) const {
 Status ScenePacker::add_mesh(const MeshInput& mesh) {
   SPILLWAY_TRY(state_);
   SPILLWAY_TRY(failed(check_mesh(mesh)));
-  auto spooled = spool_mesh(mesh, *spool_, degenerate_count_);
+  auto spooled = spool_mesh(mesh, *spool_, options_.max_faces_per_attribute_block, degenerate_count_);
   if (!spooled) return failed(spooled.error());
   if (!spooled->chunks.empty()) scene_.meshes.push_back(std::move(*spooled));
   return {};
@@ -254,7 +260,7 @@ Status ScenePacker::write_store() {
                   pack_images(images_, directory_ / kTexturesDirectory, options_.memory_limit_bytes));
   remove_packed_images(directory_ / kTexturesDirectory, packed.images);
   SPILLWAY_ASSIGN(auto attributes, cache::WriteFile::create(directory_ / kAttributesFile, cache::IoPurpose::pack));
-  SPILLWAY_ASSIGN(packed.attributes, pack_attributes(scene_, attributes));
+  SPILLWAY_ASSIGN(packed.attributes, pack_attributes(scene_, options_.max_faces_per_attribute_block, attributes));
   SPILLWAY_TRY(attributes.commit());
   SPILLWAY_TRY(write_pages(packed));
   SPILLWAY_ASSIGN(packed.lights, pack_lights(scene_, lights_, packed.tree.bounds_world));

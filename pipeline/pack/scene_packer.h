@@ -17,6 +17,7 @@
 #include <string>
 #include <vector>
 
+#include "cache/attribute_block.h"
 #include "cache/file.h"
 #include "cache/trace_page.h"
 #include "pipeline/pack/build_trees.h"
@@ -29,9 +30,10 @@ namespace spillway::pipeline {
 struct PackOptions {
   // Meaning: goes into the manifest.
   std::vector<std::filesystem::path> source_files{};  // what the store is made from, see Store::is_current
-  // Performance: pages differ, pictures do not.
+  // Performance: pages and blocks differ, pictures do not.
   uint32_t max_triangles_per_page = 65536;          // 1..65536; larger: fewer, longer reads
   BuildOptions tree{};
+  uint32_t max_faces_per_attribute_block = cache::kMaxFacesPerAttributeBlock;  // larger: fewer, longer reads
   // Performance: the store's bytes do not differ.
   uint64_t memory_limit_bytes = 2ull << 30;         // larger: fewer passes over the spooled meshes
   std::filesystem::path scratch{};                  // empty: the store directory; holds all triangles once

@@ -106,7 +106,8 @@ SpooledMesh mesh_without_faces(const MeshInput& input) {
 
 }  // namespace
 
-Result<SpooledMesh> spool_mesh(const MeshInput& input, MeshSpool& spool, uint64_t& degenerate_count) {
+Result<SpooledMesh> spool_mesh(const MeshInput& input, MeshSpool& spool, uint32_t max_faces_per_chunk,
+                               uint64_t& degenerate_count) {
   SPILLWAY_TRY(check_counts(input));
   SPILLWAY_TRY(check_values(input));
   if (input.indices.size() / 3 >= PrimId::kNone)
@@ -119,7 +120,7 @@ Result<SpooledMesh> spool_mesh(const MeshInput& input, MeshSpool& spool, uint64_
       continue;
     }
     maker.add_face(&input.indices[i]);
-    if (maker.face_count() == cache::kMaxFacesPerAttributeBlock) SPILLWAY_TRY(append_chunk(maker, spool, mesh));
+    if (maker.face_count() == max_faces_per_chunk) SPILLWAY_TRY(append_chunk(maker, spool, mesh));
   }
   SPILLWAY_TRY(append_chunk(maker, spool, mesh));
   return mesh;

@@ -4,7 +4,7 @@
 //
 // In:     a MeshInput, its arrays valid during the call.
 // Out:    its triangles in the spool, in the order of the faces without those of zero area, cut into chunks of
-//         kMaxFacesPerAttributeBlock; vertices deduplicated by index inside a chunk, in the order of first use.
+//         max_faces_per_chunk; vertices deduplicated by index inside a chunk, in the order of first use.
 // Memory: tag pack: four bytes a vertex of the mesh during the call.
 // Order:  serial.
 
@@ -19,6 +19,7 @@ namespace spillway::pipeline {
 inline constexpr float kLargestCoordinate = 1e18f;
 
 // `degenerate_count` is raised by the triangles dropped. A mesh without triangles has no chunks.
-Result<SpooledMesh> spool_mesh(const MeshInput& input, MeshSpool& spool, uint64_t& degenerate_count);
+Result<SpooledMesh> spool_mesh(const MeshInput& input, MeshSpool& spool, uint32_t max_faces_per_chunk,
+                               uint64_t& degenerate_count);
 
 }  // namespace spillway::pipeline

@@ -214,6 +214,7 @@ Result<Store> pack_small_scene(const std::filesystem::path& directory, const std
                                const SmallSceneOptions& options) {
   PackOptions pack;
   pack.max_triangles_per_page = options.max_triangles_per_page;
+  pack.max_faces_per_attribute_block = options.max_faces_per_attribute_block;
   pack.tree = options.tree;
   const auto store = directory / (name + ".store");
   SPILLWAY_ASSIGN(const auto packer, ScenePacker::create(store, pack));
