@@ -91,7 +91,6 @@ struct ThreadTiles {
   ~ThreadTiles() {
     for (HeldTile& h : held)
       if (h.tile) cache->release_tile(h.tile);
-    if (perthread) cache->destroy_thread_info(perthread);
   }
 };
 
@@ -295,7 +294,7 @@ Status TextureCache::look_up(std::span<const TextureRequest> requests, std::span
   ThreadTiles& thread = s.threads.local();
   if (thread.cache == nullptr) {
     thread.cache = s.cache;
-    thread.perthread = s.cache->create_thread_info();
+    thread.perthread = s.cache->get_perthread_info();
   }
   thread.lookups += requests.size();
   for (size_t i = 0; i < requests.size(); ++i) {

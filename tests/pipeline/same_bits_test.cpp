@@ -172,7 +172,8 @@ TEST_F(SameBits, with_direct_io) {
 
 TEST_F(SameBits, for_another_layout_of_pages_and_trees) {
   SmallSceneOptions scene;
-  scene.max_triangles_per_page = 97;
+  scene.max_triangles_per_page = 43;
+  scene.max_faces_per_attribute_block = 100;
   scene.tree.branching = 3;
   scene.tree.leaf_fill = 2;
   const auto other = pack_small_scene(directory_->path(), "other", scene);
