@@ -1,0 +1,55 @@
+#!/bin/bash
+# The whole suite from nothing: installs what is missing, builds, runs every test program within a budget of minutes,
+# then the suite once more under the address and undefined-behaviour sanitizers.
+# Exit code 0 when everything passed. The last line is "N passed, N failed".
+set -u
+cd "$(dirname "$0")/.."
+
+passed=0 failed=0
+begin=$SECONDS
+clock() { printf '%d:%02d' $(((SECONDS - begin) / 60)) $(((SECONDS - begin) % 60)); }
+
+# run BUILD_DIRECTORY NAME MINUTES [ARGUMENT...]
+run() {
+  local program="$1/$2_tests" name="$1/$2" minutes="$3" report code
+  shift 3
+  report=$(mktemp)
+  echo "== $name: at most $minutes minutes, begins at $(clock)"
+  timeout --kill-after=10 $((60 * minutes)) "$program" --gtest_brief=1 --gtest_output=json:"$report" "$@"
+  code=$?
+  if [ -s "$report" ]; then
+    read -r all bad < <(python3 -c 'import json, sys
+r = json.load(open(sys.argv[1]))
+print(r["tests"], r["failures"] + r["errors"])' "$report")
+    passed=$((passed + all - bad)) failed=$((failed + bad))
+    [ "$bad" -eq 0 ] && [ $code -ne 0 ] && failed=$((failed + 1))
+  else
+    failed=$((failed + 1))
+  fi
+  [ $code -eq 124 ] && echo "$name: over its budget of $minutes minutes"
+  [ $code -ne 0 ] && [ $code -ne 1 ] && [ $code -ne 124 ] && echo "$name: ended with code $code"
+  rm -f "$report"
+}
+
+build() {
+  echo "== build $1: begins at $(clock)"
+  cmake --preset "$1" >/dev/null && cmake --build --preset "$1" -- --quiet
+}
+
+tools/setup.sh || exit 1
+build release || { echo "0 passed, 1 failed"; exit 1; }
+run build cache 3
+run build shading 3
+run build pipeline 4
+run build tools 4
+
+# Leaks are looked for in our own allocations; the libraries keep global tables for the life of the process.
+export ASAN_OPTIONS=detect_leaks=0 UBSAN_OPTIONS=print_stacktrace=1
+build asan || { echo "$passed passed, $((failed + 1)) failed"; exit 1; }
+run build/asan cache 3
+run build/asan pipeline 4
+run build/asan tools 4
+
+echo "took $(clock)"
+echo "$passed passed, $failed failed"
+[ "$failed" -eq 0 ]
