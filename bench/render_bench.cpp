@@ -1,7 +1,7 @@
 // No toll when it fits, and the kernel beside Embree, in one run on one store:
 //   pure Embree (robust) on recorded rays | our kernel on the same rays | depth-first path tracer on Embree | streamed.
 //
-//   render_bench STORE [--spp N] [--threads N] [--repeat N] [--rays N]
+//   render_bench STORE [--spp N] [--threads N] [--repeat N] [--rays N] [--kernel-only]
 //
 // Every figure is the best of the repetitions, which alternate; ratios above one favour us.
 
@@ -29,6 +29,7 @@ struct Arguments {
   uint32_t spp = 4;
   int threads = 2, repeat = 5;
   size_t rays = 10'000'000;
+  bool kernel_only = false;
 };
 
 // Passes rays on, and keeps the first `limit` of each kind.
@@ -155,6 +156,7 @@ Status run(const Arguments& arguments) {
   sort_in_waves(shadow, store.settings().statistics.bounds_world);
   compare_kernels<false>("closest hit, sorted", *kernel, *embree, nearest, arguments.repeat);
   compare_kernels<true>("occlusion, sorted", *kernel, *embree, shadow, arguments.repeat);
+  if (arguments.kernel_only) return {};
 
   double best_embree = 1e30, best_kernel = 1e30, best_streamed = 1e30;
   for (int i = 0; i < arguments.repeat; ++i) {
@@ -188,6 +190,7 @@ int main(int argc, char** argv) {
   app.add_option("--threads", arguments.threads);
   app.add_option("--repeat", arguments.repeat);
   app.add_option("--rays", arguments.rays);
+  app.add_flag("--kernel-only", arguments.kernel_only);
   CLI11_PARSE(app, argc, argv);
   const tbb::global_control control(tbb::global_control::max_allowed_parallelism, static_cast<size_t>(arguments.threads));
   tbb::task_arena arena(arguments.threads);

@@ -4,33 +4,43 @@
 
 #include <bit>
 #include <cfloat>
+#include <cstddef>
 #include <cstring>
 
 namespace spillway::cache {
 namespace {
 
-// Half of the units in the last place by which a box is grown a ray, times the largest coordinate in play: rounding of
-// (origin - o), of its product with 1/d, and of the triangle's own shear; each is below one unit (REVIEW 1.5).
-constexpr float kBoxPadding = 8 * 0x1p-24f;
+// Margins in roundings (2^-24) of the largest coordinate in play, M = max(|origin|, extent of the scene or object).
+// A triangle's own box, from which its hits cannot stray: the shear moves a vertex by three roundings of |v - o| <= 2 M.
+constexpr float kTrianglePadding = 8 * 0x1p-24f;
+// The boxes above it enclose that one as computed: origin - o (2), its product (2), 1/d times a scale (2), its product
+// (2) and the sum (2) on the box's side, difference and product (4) on the triangle's.
+constexpr float kBoxPadding = kTrianglePadding + 16 * 0x1p-24f;
 // A direction component below this is treated as this: 1/d stays finite, 0 * 1/d stays 0.
 constexpr float kSmallestDirection = 1e-18f;
+
+constexpr int kUpperPlanes = offsetof(TraceNode, upper) - offsetof(TraceNode, lower);
 
 // A ray in the space of one object: slabs for boxes, shear for triangles.
 struct KernelRay {
   Float3 origin, direction;
   float inverse[3];   // 1 / direction
-  float pad[3];       // box padding in t, along each axis
+  float pad[3];       // padding of boxes in t, along each axis
+  float triangle_pad[3];
+  ptrdiff_t near_plane[3];  // where a node's planes that face the ray's origin begin, in bytes from `lower`
+  ptrdiff_t far_plane[3];
   int kx, ky, kz;     // axes of the shear: kz is the largest of |direction|
   float sx, sy, sz;   // Woop et al. 2013, section 3.1
-  bool negative[3];
 
   KernelRay(Float3 o, Float3 d, float extent) : origin(o), direction(d) {
-    const float margin = kBoxPadding * std::max(max_abs(o), extent);
+    const float largest = std::max(max_abs(o), extent);
     for (int a = 0; a < 3; ++a) {
       const float component = std::fabs(d[a]) < kSmallestDirection ? std::copysign(kSmallestDirection, d[a]) : d[a];
       inverse[a] = 1 / component;
-      negative[a] = std::signbit(component);
-      pad[a] = margin * std::fabs(inverse[a]);
+      pad[a] = kBoxPadding * largest * std::fabs(inverse[a]);
+      triangle_pad[a] = kTrianglePadding * largest * std::fabs(inverse[a]);
+      near_plane[a] = (std::signbit(component) ? kUpperPlanes : 0) + 8 * a;
+      far_plane[a] = (std::signbit(component) ? 0 : kUpperPlanes) + 8 * a;
     }
     const float x = std::fabs(d.x), y = std::fabs(d.y), z = std::fabs(d.z);
     kz = x > y ? (x > z ? 0 : 2) : (y > z ? 1 : 2);
@@ -59,27 +69,39 @@ struct NodeHits {
 };
 
 inline void enter_node(const TraceNode& node, const KernelRay& ray, float t_far, NodeHits& hits) {
+  const uint8_t* const planes = &node.lower[0][0];
   __m256 near = _mm256_setzero_ps();
   __m256 far = _mm256_set1_ps(t_far);
   for (int a = 0; a < 3; ++a) {
-    const float step = node.scale[a] * ray.inverse[a];
-    const float base = (node.origin[a] - ray.origin[a]) * ray.inverse[a];
-    const uint8_t* const lower = node.lower[a];
-    const uint8_t* const upper = node.upper[a];
-    const __m256 q_near = load_quantised(ray.negative[a] ? upper : lower);
-    const __m256 q_far = load_quantised(ray.negative[a] ? lower : upper);
-    const __m256 steps = _mm256_set1_ps(step);
-    near = _mm256_max_ps(_mm256_fmadd_ps(q_near, steps, _mm256_set1_ps(base - ray.pad[a])), near);
-    far = _mm256_min_ps(_mm256_fmadd_ps(q_far, steps, _mm256_set1_ps(base + ray.pad[a])), far);
+    const __m256 step = _mm256_set1_ps(node.scale[a] * ray.inverse[a]);
+    const float to_node = node.origin[a] - ray.origin[a];
+    const __m256 base_near = _mm256_set1_ps(std::fma(to_node, ray.inverse[a], -ray.pad[a]));
+    const __m256 base_far = _mm256_set1_ps(std::fma(to_node, ray.inverse[a], ray.pad[a]));
+    near = _mm256_max_ps(_mm256_fmadd_ps(load_quantised(planes + ray.near_plane[a]), step, base_near), near);
+    far = _mm256_min_ps(_mm256_fmadd_ps(load_quantised(planes + ray.far_plane[a]), step, base_far), far);
   }
   const auto inside = static_cast<uint32_t>(_mm256_movemask_ps(_mm256_cmp_ps(near, far, _CMP_LE_OQ)));
   hits.mask = inside & ((1u << node.child_count) - 1);
   _mm256_store_ps(hits.entry, near);
 }
 
+// A tree as the walk sees it. Leaves are what on_leaf takes the index of; the walk only asks the memory for them.
+struct TreeView {
+  const TraceNode* nodes;
+  const std::byte* leaves;
+  size_t leaf_bytes;
+
+  // What is entered soon is asked for now: most of a walk through a tree that outgrows the caches is waiting.
+  void prefetch(uint32_t reference) const {
+    const std::byte* const at = reference & kLeafBit ? leaves + (reference & ~kLeafBit) * leaf_bytes
+                                                     : reinterpret_cast<const std::byte*>(nodes + reference);
+    for (int line = 0; line < 3; ++line) _mm_prefetch(reinterpret_cast<const char*>(at) + 64 * line, _MM_HINT_T0);
+  }
+};
+
 // Walks a tree front to back. on_leaf(leaf index) may shorten t_far; returns true to end the walk.
 template <class OnLeaf>
-inline bool walk(const TraceNode* nodes, uint32_t root, const KernelRay& ray, const float& t_far, uint64_t& node_count,
+inline bool walk(const TreeView& tree, uint32_t root, const KernelRay& ray, const float& t_far, uint64_t& node_count,
                  const OnLeaf& on_leaf) {
   if (root == kNoChild) return false;
   StackEntry stack[kStackSize];
@@ -89,32 +111,26 @@ inline bool walk(const TraceNode* nodes, uint32_t root, const KernelRay& ray, co
     if (reference & kLeafBit) {
       if (on_leaf(reference & ~kLeafBit)) return true;
     } else {
-      const TraceNode& node = nodes[reference];
+      const TraceNode& node = tree.nodes[reference];
       NodeHits hits;
       enter_node(node, ray, t_far, hits);
       ++node_count;
       if (hits.mask != 0) {
-        int nearest = std::countr_zero(hits.mask);
-        hits.mask &= hits.mask - 1;
-        if (hits.mask == 0) {
-          reference = node.child[nearest];
-          continue;
-        }
-        // Insertion keeps the new entries sorted, nearest on top.
+        const int first = std::countr_zero(hits.mask);
+        StackEntry nearest{node.child[first], hits.entry[first]};
+        tree.prefetch(nearest.reference);
         const int bottom = size;
-        stack[size++] = {node.child[nearest], hits.entry[nearest]};
-        do {
+        while ((hits.mask &= hits.mask - 1) != 0) {
           const int c = std::countr_zero(hits.mask);
-          hits.mask &= hits.mask - 1;
-          const float entry = hits.entry[c];
+          StackEntry other{node.child[c], hits.entry[c]};
+          tree.prefetch(other.reference);
+          if (other.entry < nearest.entry) std::swap(other, nearest);
+          // The others wait in order, the nearer on top.
           int at = size++;
-          while (at > bottom && stack[at - 1].entry < entry) {
-            stack[at] = stack[at - 1];
-            --at;
-          }
-          stack[at] = {node.child[c], entry};
-        } while (hits.mask != 0);
-        reference = stack[--size].reference;
+          for (; at > bottom && stack[at - 1].entry < other.entry; --at) stack[at] = stack[at - 1];
+          stack[at] = other;
+        }
+        reference = nearest.reference;
         continue;
       }
     }
@@ -124,6 +140,33 @@ inline bool walk(const TraceNode* nodes, uint32_t root, const KernelRay& ray, co
       --size;
     } while (stack[size].entry > t_far);
     reference = stack[size].reference;
+  }
+}
+
+// Walks a tree in any order, for rays whose end nothing shortens.
+template <class OnLeaf>
+inline bool walk_unordered(const TreeView& tree, uint32_t root, const KernelRay& ray, float t_far, uint64_t& node_count,
+                           const OnLeaf& on_leaf) {
+  if (root == kNoChild) return false;
+  uint32_t stack[kStackSize];
+  int size = 0;
+  uint32_t reference = root;
+  while (true) {
+    if (reference & kLeafBit) {
+      if (on_leaf(reference & ~kLeafBit)) return true;
+    } else {
+      const TraceNode& node = tree.nodes[reference];
+      NodeHits hits;
+      enter_node(node, ray, t_far, hits);
+      ++node_count;
+      for (; hits.mask != 0; hits.mask &= hits.mask - 1) {
+        const uint32_t child = node.child[std::countr_zero(hits.mask)];
+        tree.prefetch(child);
+        stack[size++] = child;
+      }
+    }
+    if (size == 0) return false;
+    reference = stack[--size];
   }
 }
 
@@ -153,6 +196,23 @@ inline void refine_zero_edges(Edges& e, __m128 ax, __m128 ay, __m128 bx, __m128 
     return _mm_blendv_ps(rounded, _mm_load_ps(exact), _mm_cmpeq_ps(rounded, zero));
   };
   e.u = choose(e.u, r[0]), e.v = choose(e.v, r[1]), e.w = choose(e.w, r[2]);
+}
+
+// Moves t into the triangle's own box as the ray enters and leaves it; lanes that miss that box are not hit. At grazing
+// angles the rounding of t knows no bound: without this a tree with tighter boxes would lose hits that another finds.
+inline __m128 hold_in_own_box(const TraceLeaf& leaf, const KernelRay& ray, __m128& t) {
+  __m128 near = _mm_set1_ps(-FLT_MAX), far = _mm_set1_ps(FLT_MAX);
+  for (int a = 0; a < 3; ++a) {
+    const __m128 v0 = _mm_load_ps(leaf.vertex[0][a]), v1 = _mm_load_ps(leaf.vertex[1][a]), v2 = _mm_load_ps(leaf.vertex[2][a]);
+    const __m128 origin = _mm_set1_ps(ray.origin[a]), inverse = _mm_set1_ps(ray.inverse[a]);
+    const __m128 lower = _mm_mul_ps(_mm_sub_ps(_mm_min_ps(_mm_min_ps(v0, v1), v2), origin), inverse);
+    const __m128 upper = _mm_mul_ps(_mm_sub_ps(_mm_max_ps(_mm_max_ps(v0, v1), v2), origin), inverse);
+    const __m128 pad = _mm_set1_ps(ray.triangle_pad[a]);
+    near = _mm_max_ps(near, _mm_sub_ps(_mm_min_ps(lower, upper), pad));
+    far = _mm_min_ps(far, _mm_add_ps(_mm_max_ps(lower, upper), pad));
+  }
+  t = _mm_max_ps(_mm_min_ps(t, far), near);
+  return _mm_cmple_ps(near, far);
 }
 
 Opacity opacity_at(const TracePageView& page, uint32_t offset, float u, float v) {
@@ -194,7 +254,8 @@ inline bool intersect_leaf(const TracePageView& page, uint32_t leaf_index, uint3
   __m128 accept = _mm_andnot_ps(mixed, _mm_cmpneq_ps(det, zero));
   if (_mm_movemask_ps(accept) == 0) return false;
   const __m128 scaled = _mm_add_ps(_mm_add_ps(_mm_mul_ps(e.u, az), _mm_mul_ps(e.v, bz)), _mm_mul_ps(e.w, cz));
-  const __m128 t4 = _mm_mul_ps(_mm_div_ps(scaled, det), _mm_set1_ps(ray.sz));
+  __m128 t4 = _mm_mul_ps(_mm_div_ps(scaled, det), _mm_set1_ps(ray.sz));
+  accept = _mm_and_ps(accept, hold_in_own_box(leaf, ray, t4));
   accept = _mm_and_ps(accept, _mm_and_ps(_mm_cmpgt_ps(t4, zero), _mm_cmple_ps(t4, _mm_set1_ps(std::min(t_far, FLT_MAX)))));
   auto lanes = static_cast<uint32_t>(_mm_movemask_ps(accept));
   if (lanes == 0) return false;
@@ -224,10 +285,13 @@ template <TraceMode mode>
 bool walk_page(const TracePageView& page, uint32_t instance, const KernelRay& ray, const float& t_far, TraceHit& hit,
                TraceCounters& work) {
   ++work.pages;
-  return walk(page.nodes, page.header->root, ray, t_far, work.nodes, [&](uint32_t leaf) {
+  const TreeView tree{page.nodes, reinterpret_cast<const std::byte*>(page.leaves), sizeof(TraceLeaf)};
+  const auto on_leaf = [&](uint32_t leaf) {
     ++work.leaves;
     return intersect_leaf<mode>(page, leaf, instance, ray, t_far, hit);
-  });
+  };
+  if constexpr (mode == TraceMode::occlusion) return walk_unordered(tree, page.header->root, ray, t_far, work.nodes, on_leaf);
+  return walk(tree, page.header->root, ray, t_far, work.nodes, on_leaf);
 }
 
 float extent_of(const Bounds3& b) { return std::max(max_abs(b.lower), max_abs(b.upper)); }
@@ -246,12 +310,13 @@ KernelRay world_ray(const PageTree& tree, const TraceRay& ray) {
 template <class OnPage>
 bool walk_pages(const PageTree& tree, const TraceRay& ray, const float& t_far, uint64_t& node_count, const OnPage& on_page) {
   const KernelRay world = world_ray(tree, ray);
-  return walk(tree.nodes.data(), tree.objects[0].root, world, t_far, node_count, [&](uint32_t leaf) {
+  const TreeView view{tree.nodes.data(), reinterpret_cast<const std::byte*>(tree.entries.data()), sizeof(PageTreeEntry)};
+  return walk(view, tree.objects[0].root, world, t_far, node_count, [&](uint32_t leaf) {
     const PageTreeEntry& entry = tree.entries[leaf];
     if (entry.kind == 0) return on_page(entry.index, 0u, world);
     const Instance& instance = tree.instances[entry.index];
     const KernelRay local = object_ray(tree, instance, ray);
-    return walk(tree.nodes.data(), tree.objects[instance.object].root, local, t_far, node_count,
+    return walk(view, tree.objects[instance.object].root, local, t_far, node_count,
                 [&](uint32_t inner) { return on_page(tree.entries[inner].index, entry.index, local); });
   });
 }

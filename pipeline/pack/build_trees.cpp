@@ -124,8 +124,8 @@ void quantise(const BuildNode& from, TraceNode& to) {
     for (unsigned c = 0; c < from.child_count; ++c) {
       const double lower = (static_cast<double>(from.bounds[c].lower[a]) - to.origin[a]) / scale;
       const double upper = (static_cast<double>(from.bounds[c].upper[a]) - to.origin[a]) / scale;
-      to.lower[a][c] = static_cast<uint8_t>(std::clamp(std::floor(lower) - 1, 0.0, 255.0));
-      to.upper[a][c] = static_cast<uint8_t>(std::clamp(std::ceil(upper) + 1, 0.0, 255.0));
+      to.lower[a][c] = static_cast<uint8_t>(std::clamp(std::floor(lower), 0.0, 255.0));
+      to.upper[a][c] = static_cast<uint8_t>(std::clamp(std::ceil(upper), 0.0, 255.0));
     }
   }
 }
