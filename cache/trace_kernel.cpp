@@ -86,22 +86,24 @@ inline void enter_node(const TraceNode& node, const KernelRay& ray, float t_far,
 }
 
 // A tree as the walk sees it. Leaves are what on_leaf takes the index of; the walk only asks the memory for them.
+template <class Leaf>
 struct TreeView {
   const TraceNode* nodes;
-  const std::byte* leaves;
-  size_t leaf_bytes;
+  const Leaf* leaves;
 
   // What is entered soon is asked for now: most of a walk through a tree that outgrows the caches is waiting.
   void prefetch(uint32_t reference) const {
-    const std::byte* const at = reference & kLeafBit ? leaves + (reference & ~kLeafBit) * leaf_bytes
-                                                     : reinterpret_cast<const std::byte*>(nodes + reference);
-    for (int line = 0; line < 3; ++line) _mm_prefetch(reinterpret_cast<const char*>(at) + 64 * line, _MM_HINT_T0);
+    const bool is_leaf = (reference & kLeafBit) != 0;
+    const auto* const at = is_leaf ? reinterpret_cast<const char*>(leaves + (reference & ~kLeafBit))
+                                   : reinterpret_cast<const char*>(nodes + reference);
+    const size_t size = sizeof(Leaf) > sizeof(TraceNode) ? sizeof(Leaf) : sizeof(TraceNode);
+    for (size_t line = 0; line < size; line += 64) _mm_prefetch(at + line, _MM_HINT_T0);
   }
 };
 
 // Walks a tree front to back. on_leaf(leaf index) may shorten t_far; returns true to end the walk.
-template <class OnLeaf>
-inline bool walk(const TreeView& tree, uint32_t root, const KernelRay& ray, const float& t_far, uint64_t& node_count,
+template <class Leaf, class OnLeaf>
+inline bool walk(const TreeView<Leaf> tree, uint32_t root, const KernelRay& ray, const float& t_far, uint64_t& node_count,
                  const OnLeaf& on_leaf) {
   if (root == kNoChild) return false;
   StackEntry stack[kStackSize];
@@ -144,8 +146,8 @@ inline bool walk(const TreeView& tree, uint32_t root, const KernelRay& ray, cons
 }
 
 // Walks a tree in any order, for rays whose end nothing shortens.
-template <class OnLeaf>
-inline bool walk_unordered(const TreeView& tree, uint32_t root, const KernelRay& ray, float t_far, uint64_t& node_count,
+template <class Leaf, class OnLeaf>
+inline bool walk_unordered(const TreeView<Leaf> tree, uint32_t root, const KernelRay& ray, float t_far, uint64_t& node_count,
                            const OnLeaf& on_leaf) {
   if (root == kNoChild) return false;
   uint32_t stack[kStackSize];
@@ -285,7 +287,7 @@ template <TraceMode mode>
 bool walk_page(const TracePageView& page, uint32_t instance, const KernelRay& ray, const float& t_far, TraceHit& hit,
                TraceCounters& work) {
   ++work.pages;
-  const TreeView tree{page.nodes, reinterpret_cast<const std::byte*>(page.leaves), sizeof(TraceLeaf)};
+  const TreeView<TraceLeaf> tree{page.nodes, page.leaves};
   const auto on_leaf = [&](uint32_t leaf) {
     ++work.leaves;
     return intersect_leaf<mode>(page, leaf, instance, ray, t_far, hit);
@@ -310,7 +312,7 @@ KernelRay world_ray(const PageTree& tree, const TraceRay& ray) {
 template <class OnPage>
 bool walk_pages(const PageTree& tree, const TraceRay& ray, const float& t_far, uint64_t& node_count, const OnPage& on_page) {
   const KernelRay world = world_ray(tree, ray);
-  const TreeView view{tree.nodes.data(), reinterpret_cast<const std::byte*>(tree.entries.data()), sizeof(PageTreeEntry)};
+  const TreeView<PageTreeEntry> view{tree.nodes.data(), tree.entries.data()};
   return walk(view, tree.objects[0].root, world, t_far, node_count, [&](uint32_t leaf) {
     const PageTreeEntry& entry = tree.entries[leaf];
     if (entry.kind == 0) return on_page(entry.index, 0u, world);

@@ -57,7 +57,7 @@ json stages_json(const RenderReport& r) {
             {"windows", r.trace.window_count},
             {"pages_touched", r.trace.pages_touched},
             {"nodes", r.trace.work.nodes},
-            {"leaves", r.trace.work.leaves}}},
+            {"leaves", r.trace.work.leaves}, {"page_visits", r.trace.work.pages}}},
           {"route_hits",
            {{"seconds", route},
             {"hits", r.route.hit_count},
