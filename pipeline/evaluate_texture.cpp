@@ -4,17 +4,20 @@
 #include <cmath>
 
 namespace spillway::pipeline {
-namespace {
 
 // Scale first, then inversion, which never goes below zero (pbrt-v4, ImageTexture).
-cache::Texel scaled(const TextureNode& node, cache::Texel texel) {
+cache::Texel image_value(const TextureNode& node, cache::Texel texel) {
+  if (node.is_float) {
+    const float mean = (texel.value[0] + texel.value[1] + texel.value[2]) * (1.0f / 3);
+    // Grey keeps its bits.
+    if (texel.value[0] != texel.value[1] || texel.value[1] != texel.value[2])
+      texel.value[0] = texel.value[1] = texel.value[2] = mean;
+  }
   for (int c = 0; c < 4; ++c) texel.value[c] *= node.value[c];
   if (node.invert)
     for (int c = 0; c < 3; ++c) texel.value[c] = std::max(0.0f, 1 - texel.value[c]);
   return texel;
 }
-
-}  // namespace
 
 Status TextureEvaluator::evaluate(std::span<const TextureQuery> queries, std::span<cache::Texel> values,
                                   Scratch& scratch) const {
@@ -47,7 +50,7 @@ void TextureEvaluator::collect(uint32_t node, const TextureQuery& query,
 cache::Texel TextureEvaluator::combine(uint32_t node, const cache::Texel*& next) const {
   const TextureNode& n = nodes_[node];
   if (n.kind == TextureKind::constant) return {{n.value[0], n.value[1], n.value[2], n.value[3]}};
-  if (n.kind == TextureKind::image) return scaled(n, *next++);
+  if (n.kind == TextureKind::image) return image_value(n, *next++);
   const cache::Texel a = combine(n.child[0], next), b = combine(n.child[1], next);
   cache::Texel result;
   if (n.kind == TextureKind::scale) {

@@ -19,6 +19,9 @@ struct TextureQuery {
   float width_uv;    // footprint; 0: the finest level
 };
 
+// What an image node makes of the texel that was looked up.
+[[nodiscard]] cache::Texel image_value(const TextureNode& node, cache::Texel texel);
+
 class TextureEvaluator {
  public:
   // `images` may be null when no node is an image. Nodes have been validated: children before parents.

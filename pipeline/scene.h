@@ -24,6 +24,7 @@ struct TextureNode {
   cache::WrapMode wrap = cache::WrapMode::repeat;
   cache::TexelFilter filter = cache::TexelFilter::bilinear;
   uint32_t invert = 0;
+  uint32_t is_float = 0;  // image: the mean of red, green and blue stands for all three
   float uv_scale[2] = {1, 1};  // st = uv * scale + offset
   float uv_offset[2] = {0, 0};
   uint32_t child[3] = {TextureId::kNone, TextureId::kNone, TextureId::kNone};  // scale: a, b; mix: a, b, amount

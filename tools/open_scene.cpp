@@ -1,5 +1,7 @@
 #include "tools/open_scene.h"
 
+#include <unistd.h>
+
 #include "pipeline/pack/scene_packer.h"
 #include "tools/import/import_pbrt.h"
 
@@ -8,12 +10,23 @@ namespace {
 
 using pipeline::Store;
 
+// access() grants root everything, but a folder without any write bit was meant to stay as it is.
+bool has_write_bit(const std::filesystem::path& folder) {
+  using std::filesystem::perms;
+  std::error_code code;
+  const perms bits = std::filesystem::status(folder, code).permissions();
+  return (bits & (perms::owner_write | perms::group_write | perms::others_write)) != perms::none;
+}
+
 bool is_scene(const std::filesystem::path& path) { return path.extension() == ".pbrt"; }
 
-std::filesystem::path store_beside(const OpenSceneOptions& options) {
+// Beside the scene; in the current directory when the scene's folder takes no files.
+std::filesystem::path store_directory(const OpenSceneOptions& options) {
   if (!options.store_directory.empty()) return options.store_directory;
   std::filesystem::path store = options.scene;
-  return store.replace_extension(".store");
+  store.replace_extension(".store");
+  const std::filesystem::path folder = store.has_parent_path() ? store.parent_path() : ".";
+  return access(folder.c_str(), W_OK) == 0 && has_write_bit(folder) ? store : store.filename();
 }
 
 void tell_warnings(const ImportReport& report, bool quiet) {
@@ -27,7 +40,7 @@ Status pack_scene(const OpenSceneOptions& options) {
   pipeline::PackOptions pack;
   pack.source_files = {options.scene};
   if (options.memory_bytes != 0) pack.memory_limit_bytes = options.memory_bytes;
-  SPILLWAY_ASSIGN(auto packer, pipeline::ScenePacker::create(store_beside(options), pack));
+  SPILLWAY_ASSIGN(auto packer, pipeline::ScenePacker::create(store_directory(options), pack));
   ImportReport report;
   const Status imported = import_pbrt(options.scene, *packer, {.lenient = options.lenient}, report);
   tell_warnings(report, options.quiet);
@@ -39,7 +52,7 @@ Result<Store> open_scene(const OpenSceneOptions& options) {
   std::error_code code;
   if (!std::filesystem::exists(options.scene, code)) return error("{}: there is no such scene or store", options.scene.string());
   if (!is_scene(options.scene)) return Store::open(options.scene);
-  const std::filesystem::path directory = store_beside(options);
+  const std::filesystem::path directory = store_directory(options);
   if (!options.repack) {
     auto existing = Store::open(directory);
     if (existing && existing->is_current(std::vector{options.scene})) return existing;

@@ -12,7 +12,8 @@ namespace spillway::tools {
 
 struct OpenSceneOptions {
   std::filesystem::path scene;            // a .pbrt file or a store directory
-  std::filesystem::path store_directory;  // where to pack; empty: beside the scene, extension .store
+  std::filesystem::path store_directory;  // where to pack; empty: beside the scene, extension .store,
+                                          // or in the current directory when its folder takes no files
   uint64_t memory_bytes = 0;              // for packing; 0: no limit
   bool lenient = false;                   // what can be ignored of the scene is a warning
   bool repack = false;                    // even when the store is current

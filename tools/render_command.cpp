@@ -164,8 +164,8 @@ Result<int> render(const RenderArguments& arguments) {
                 kExitBadValues);
   }
   if (image.report.stopped_early && stop_requested) {
-    fail(fmt::format("interrupted: {} holds {} whole samples a pixel; render again with a larger --spp to go on from nothing",
-                     arguments.output, image.report.samples_per_pixel));
+    fail(fmt::format("interrupted: {} is whole with {} samples a pixel, the bits of --spp {}; another render begins anew",
+                     arguments.output, image.report.samples_per_pixel, image.report.samples_per_pixel));
     return kExitInterrupted;
   }
   return kExitOk;
@@ -181,7 +181,7 @@ int run(const RenderArguments& arguments) {
 
 void add_scene_options(CLI::App& command, OpenSceneOptions& scene, std::string& memory) {
   command.add_option("scene", scene.scene, "a .pbrt scene (packed when needed) or a .store")->required();
-  command.add_option("--store", scene.store_directory, "where to pack a .pbrt scene [beside it]");
+  command.add_option("--store", scene.store_directory, "where to pack a .pbrt scene [beside it, or here]");
   command.add_option("--memory", memory, "limit of the whole process, such as 2GiB [none]");
   command.add_flag("--lenient", scene.lenient, "warn about what can be ignored instead of refusing");
   command.add_flag("--repack", scene.repack, "pack even when the store is current");

@@ -5,6 +5,7 @@
 #include <cstring>
 
 #include "cache/trace_page.h"
+#include "pipeline/evaluate_texture.h"
 
 namespace spillway::pipeline {
 namespace {
@@ -60,8 +61,7 @@ class AlphaImage {
     SPILLWAY_TRY(images_.look_up(requests_, texels_));
     float lowest = INFINITY, highest = -INFINITY;
     for (const cache::Texel& texel : texels_) {
-      const float scaled = texel.value[0] * node_.value[0];
-      const float alpha = node_.invert ? std::max(0.0f, 1 - scaled) : scaled;
+      const float alpha = image_value(node_, texel).value[0];
       lowest = std::min(lowest, alpha), highest = std::max(highest, alpha);
     }
     return opacity(lowest, highest);

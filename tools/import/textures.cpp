@@ -132,6 +132,7 @@ Result<TextureId> TextureTable::send(TextureValue value, const std::string& name
     SPILLWAY_ASSIGN(node, constant_node(value, definition));
   } else if (definition.type == "imagemap") {
     SPILLWAY_ASSIGN(node, image_node(definition));
+    node.is_float = value == TextureValue::real;
   } else if (definition.type == "scale") {
     SPILLWAY_ASSIGN(node, scale_node(value, definition));
   } else if (definition.type == "mix") {
