@@ -11,6 +11,7 @@
 #include <fstream>
 
 #include "cache/base/memory.h"
+#include "cache/trace_log.h"
 
 namespace spillway::cache {
 namespace {
@@ -133,6 +134,8 @@ ReadFile::~ReadFile() {
 }
 
 Status ReadFile::read(uint64_t offset, std::span<std::byte> bytes) const {
+  TraceSpan span("read", name(purpose_));
+  span.set_range(offset, bytes.size());
   if (offset > size_bytes_ || bytes.size() > size_bytes_ - offset)
     return error("{}: ends at byte {}, but bytes {} to {} are needed; the file is cut short", path_.string(),
                  size_bytes_, offset, offset + bytes.size());
@@ -251,15 +254,11 @@ Status Scratch::claim(uint64_t bytes, std::string_view what) {
 }
 
 Result<std::unique_ptr<Scratch::File>> Scratch::create_file(std::string_view what, IoPurpose purpose) {
-  const std::string name = (directory_ / fmt::format("spillway-{}-XXXXXX", getpid())).string();
-  std::string path = name;
-  int descriptor = mkostemp(path.data(), O_CLOEXEC | O_DIRECT);
-  if (descriptor < 0) {
-    path = name;
-    descriptor = mkostemp(path.data(), O_CLOEXEC);
-  }
+  std::string path = (directory_ / fmt::format("spillway-{}-XXXXXX", getpid())).string();
+  const int descriptor = mkostemp(path.data(), O_CLOEXEC);
   if (descriptor < 0) return error("{}: no scratch file can be made: {}", directory_.string(), std::strerror(errno));
   ::unlink(path.c_str());
+  fcntl(descriptor, F_SETFL, fcntl(descriptor, F_GETFL) | O_DIRECT);  // where the file system can
   std::unique_ptr<File> file(new File());
   file->scratch_ = this;
   file->what_ = what;
@@ -274,6 +273,8 @@ Scratch::File::~File() {
 }
 
 Status Scratch::File::write(uint64_t offset, std::span<const std::byte> bytes) {
+  TraceSpan span("write", name(purpose_));
+  span.set_range(offset, bytes.size());
   const uint64_t end = offset + bytes.size();
   const uint64_t size = size_bytes_.load();
   if (end > size) {
@@ -290,6 +291,8 @@ Status Scratch::File::write(uint64_t offset, std::span<const std::byte> bytes) {
 }
 
 Status Scratch::File::read(uint64_t offset, std::span<std::byte> bytes) const {
+  TraceSpan span("read", name(purpose_));
+  span.set_range(offset, bytes.size());
   const int64_t got = read_fully(descriptor_, offset, bytes.data(), bytes.size());
   if (got != static_cast<int64_t>(bytes.size()))
     return error("{}: reading {} back failed at byte {}: {}", scratch_->directory_.string(), what_, offset,

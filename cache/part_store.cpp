@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "cache/base/check.h"
+#include "cache/trace_log.h"
 
 namespace spillway::cache {
 namespace {
@@ -176,6 +177,7 @@ bool PartStore::State::claim(Read& read) {
 }
 
 void PartStore::State::read_until_ended() {
+  trace_log_name_thread("reader");
   std::unique_lock lock(mutex);
   while (true) {
     Read* read = nullptr;
@@ -262,6 +264,7 @@ Read& PartStore::State::wait_for(size_t index) {
   Read& read = reads[index];
   const auto done = [&] { return read.state == ReadState::ready || read.state == ReadState::failed; };
   if (done()) return read;
+  const TraceSpan span("wait", "wait for a read");
   const auto start = std::chrono::steady_clock::now();
   to_visitor.wait(lock, done);
   wait_seconds += std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();

@@ -5,6 +5,7 @@
 #include <csignal>
 #include <fstream>
 
+#include "cache/trace_log.h"
 #include "pipeline/render/render_image.h"
 #include "pipeline/render/write_image.h"
 #include "tools/commands.h"
@@ -143,6 +144,7 @@ Status check_output(const std::filesystem::path& output) {
 Result<int> render(const RenderArguments& arguments) {
   SPILLWAY_TRY(check_output(arguments.output));
   SPILLWAY_ASSIGN(const Store store, open_scene(arguments.scene));
+  if (!arguments.trace.empty()) cache::trace_log_start();
   SPILLWAY_ASSIGN(RenderOptions options, render_options(arguments, store));
   std::signal(SIGINT, request_stop);
   std::signal(SIGTERM, request_stop);
@@ -151,6 +153,7 @@ Result<int> render(const RenderArguments& arguments) {
   SPILLWAY_ASSIGN(const RenderedImage image, render_image(store, options));
   progress.end();
   SPILLWAY_TRY(write_picture(arguments, options, image));
+  if (!arguments.trace.empty()) SPILLWAY_TRY(cache::trace_log_write(arguments.trace));
   const std::string json = report_json(image.report, store.directory().string());
   if (!arguments.report.empty()) SPILLWAY_TRY(write_text(arguments.report, json));
   if (arguments.json) fmt::print("{}\n", json);

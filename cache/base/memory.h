@@ -26,6 +26,7 @@ enum class MemoryTag : uint8_t {
   film,        // accumulators
   streams,     // I/O buffers of spilled streams
   lights,      // light table
+  trace_log,   // events of a timeline, when one is asked for
   pack,        // everything at pack time
   count
 };

@@ -6,6 +6,7 @@
 
 #include "cache/base/check.h"
 #include "cache/base/hash.h"
+#include "cache/trace_log.h"
 #include "pipeline/evaluate_texture.h"
 #include "pipeline/render/attribute_store.h"
 #include "pipeline/render/resolve_material.h"
@@ -67,6 +68,20 @@ void empty(RayColumns<Record>& columns, size_t capacity) {
   columns.cold.clear();
 }
 
+// A stage at work: its seconds in the report, its span in the timeline.
+class StageTimer {
+ public:
+  StageTimer(const char* stage, double& seconds) : span_("stage", stage), seconds_(seconds) {}
+  ~StageTimer() { seconds_ += seconds_since(start_); }
+  StageTimer(const StageTimer&) = delete;
+  StageTimer& operator=(const StageTimer&) = delete;
+
+ private:
+  cache::TraceSpan span_;
+  double& seconds_;
+  Clock::time_point start_ = Clock::now();
+};
+
 class RenderLoop {
  public:
   RenderLoop(RenderState& state, RenderReport& report)
@@ -81,6 +96,7 @@ class RenderLoop {
     empty(wave.paths, state_.plan.wave_paths);
     empty(wave.shadows, 0);
     while (true) {
+      const cache::TraceSpan span("wave", "wave");
       WaveReport wave_report;
       SPILLWAY_TRY(top_up(wave, wave_report));
       if (wave.paths.hot.empty() && wave.shadows.hot.empty()) break;
@@ -89,6 +105,7 @@ class RenderLoop {
       close_epochs();
       stop_when_asked();
       tell_progress();
+      log_counters();
     }
     SPILLWAY_CHECK(schedule_.finished(), ==, true);
     report_.half_samples = schedule_.closed_samples();
@@ -101,7 +118,7 @@ class RenderLoop {
  private:
   // Fills the wave with camera paths of the open epochs, opening the next one where there is none.
   Status top_up(Wave& wave, WaveReport& report) {
-    const auto started = Clock::now();
+    const StageTimer timer("generate_rays", report_.generate_seconds);
     while (wave.paths.hot.size() < state_.plan.wave_paths) {
       if (camera_rays_.exhausted()) {
         const std::optional<Epoch> epoch = schedule_.open_next();
@@ -113,7 +130,6 @@ class RenderLoop {
     }
     SPILLWAY_TRY(wave.paths.cold.finish());
     SPILLWAY_TRY(wave.shadows.cold.finish());
-    report_.generate_seconds += seconds_since(started);
     return {};
   }
 
@@ -132,37 +148,45 @@ class RenderLoop {
     report.path_count = wave.paths.hot.size(), report.shadow_count = wave.shadows.hot.size();
     cache::ExternalSort<HitRecord>& hits = hits_;
     hits.clear();
-    SPILLWAY_TRY(trace_and_route(wave, hits, report));
+    sort_wave(wave, report);
+    SPILLWAY_TRY(trace_wave(wave, report));
+    SPILLWAY_TRY(route_wave(wave, hits, report));
     report.spilled_bytes += wave.paths.cold.spilled_bytes() + wave.shadows.cold.spilled_bytes();
     empty(wave.paths, std::max<size_t>(hits.size(), state_.plan.wave_paths));
     empty(wave.shadows, hits.size());
-    const auto started = Clock::now();
-    SPILLWAY_TRY(hits.finish());
-    const ShadeHitsReport before = report_.shade;
-    SPILLWAY_TRY(shade_hits(state_.inputs, hits, *state_.attributes, *state_.film, wave.paths, wave.shadows,
-                            shade_scratch_, report_.shade));
-    report.partition_count = report_.shade.partition_count - before.partition_count;
-    for (const int half : {0, 1}) live_[half] = report_.shade.rays_of_half[half] - before.rays_of_half[half];
+    SPILLWAY_TRY(shade_wave(wave, hits, report));
     report.spilled_bytes += hits.spilled_bytes();
-    report.shade_seconds = seconds_since(started);
     report_.spilled_bytes += report.spilled_bytes;
     state_.page_parts->rebalance();
     state_.attributes->parts().rebalance();
     return {};
   }
 
-  Status trace_and_route(Wave& wave, cache::ExternalSort<HitRecord>& hits, WaveReport& report) {
+  Status shade_wave(Wave& wave, cache::ExternalSort<HitRecord>& hits, WaveReport& report) {
+    const StageTimer timer("shade_hits", report.shade_seconds);
+    SPILLWAY_TRY(hits.finish());
+    const ShadeHitsReport before = report_.shade;
+    SPILLWAY_TRY(shade_hits(state_.inputs, hits, *state_.attributes, *state_.film, wave.paths, wave.shadows,
+                            shade_scratch_, report_.shade));
+    report.partition_count = report_.shade.partition_count - before.partition_count;
+    for (const int half : {0, 1}) live_[half] = report_.shade.rays_of_half[half] - before.rays_of_half[half];
+    return {};
+  }
+
+  void sort_wave(const Wave& wave, WaveReport& report) {
+    const StageTimer timer("sort_rays", report.sort_seconds);
     const size_t path_count = wave.paths.hot.size(), shadow_count = wave.shadows.hot.size();
-    auto started = Clock::now();
     order_.renew(MemoryTag::rays, path_count + shadow_count);
     order_.set_size(path_count + shadow_count);
     SortRaysOptions sort_options;
     sort_options.enabled = state_.options.sort_rays;
     sort_rays(wave.paths.hot, wave.shadows.hot, settings_.statistics.bounds_world, order_, sort_options, sort_scratch_);
     if (state_.plan.spills) sort_scratch_ = {};
-    report.sort_seconds = seconds_since(started);
+  }
 
-    started = Clock::now();
+  Status trace_wave(const Wave& wave, WaveReport& report) {
+    const StageTimer timer("trace_rays", report.trace_seconds);
+    const size_t path_count = wave.paths.hot.size(), shadow_count = wave.shadows.hot.size();
     path_hits_.renew(MemoryTag::rays, path_count), path_hits_.set_size(path_count);
     shadow_hits_.renew(MemoryTag::rays, shadow_count), shadow_hits_.set_size(shadow_count);
     TraceRaysOptions trace_options;
@@ -174,14 +198,15 @@ class RenderLoop {
     report.pair_count = traced.pair_count;
     report.window_count = traced.window_count;
     report_.trace += traced;
-    report.trace_seconds = seconds_since(started);
+    return {};
+  }
 
-    started = Clock::now();
+  Status route_wave(Wave& wave, cache::ExternalSort<HitRecord>& hits, WaveReport& report) {
+    const StageTimer timer("route_hits", report.route_seconds);
     SPILLWAY_TRY(route_hits(state_.inputs.settings, {wave.paths.hot, path_hits_, &wave.paths.cold},
                             {wave.shadows.hot, shadow_hits_, &wave.shadows.cold}, hits, *state_.film, route_scratch_,
                             report_.route));
     if (state_.plan.spills) order_ = {}, path_hits_ = {}, shadow_hits_ = {};
-    report.route_seconds = seconds_since(started);
     return {};
   }
 
@@ -212,6 +237,15 @@ class RenderLoop {
     generated_total_ += report_.waves.back().generated_count;
     state_.options.on_progress(
         {std::min(1.0, static_cast<double>(generated_total_) / wanted), seconds_since(start_), done[0] + done[1]});
+  }
+
+  void log_counters() const {
+    cache::trace_log_counter("path rays", report_.waves.back().path_count);
+    cache::trace_log_counter("shadow rays", report_.waves.back().shadow_count);
+    for (int i = 0; i < kMemoryTagCount; ++i) {
+      const auto tag = static_cast<MemoryTag>(i);
+      if (const MemoryUse use = memory_use(tag); use.peak_bytes != 0) cache::trace_log_counter(name(tag), use.current_bytes);
+    }
   }
 
   RenderState& state_;
@@ -365,7 +399,7 @@ SceneFacts scene_facts(const Store& store, const RenderOptions& options) {
   }
   facts.texture_bytes = cache::TextureCache::bytes_for_all(store.images());
   facts.image_count = store.images().size();
-  for (const MemoryTag tag : {MemoryTag::scene, MemoryTag::page_tree, MemoryTag::lights})
+  for (const MemoryTag tag : {MemoryTag::scene, MemoryTag::page_tree, MemoryTag::lights, MemoryTag::trace_log})
     facts.table_bytes += memory_use(tag).current_bytes;  // held since the store was opened
   facts.film_bytes = Film::bytes(film_shape(options.settings, options.aov_layers));
   facts.pixel_count = pixel_window(options.settings).pixel_count();

@@ -8,6 +8,7 @@
 
 #include "cache/base/check.h"
 #include "cache/base/parallel.h"
+#include "cache/trace_log.h"
 
 namespace spillway::pipeline {
 namespace {
@@ -380,7 +381,9 @@ Status Tracer::sweep() {
     list_pages(window);
     ++report_.window_count;
     report_.pages_touched += window_pages_.size();
+    const cache::TraceSpan span("sweep", "sweep");
     SPILLWAY_TRY(pages_.pages().sweep(window_pages_, [&](uint32_t page, std::span<const std::byte> bytes) -> Status {
+      const cache::TraceSpan page_span("sweep", "page");
       const TracePageView view = cache::trace_page_view(bytes);
       window.by_ray ? trace_by_ray(page, view) : trace_pairs(page, view);
       return {};

@@ -5,6 +5,11 @@
 #include <tbb/global_control.h>
 #include <tbb/task_arena.h>
 
+#include <fstream>
+#include <map>
+#include <nlohmann/json.hpp>
+
+#include "cache/trace_log.h"
 #include "pipeline/render/render_image.h"
 #include "tests/support/reference_integrator.h"
 #include "tests/support/small_scene.h"
@@ -161,6 +166,23 @@ TEST_F(SameBits, when_everything_is_spilled) {
   EXPECT_EQ(image.report.image_hash, hash_);
   EXPECT_GT(image.report.spilled_bytes, 1u << 20);
   EXPECT_GT(image.report.shade.partition_count, 2 * image.report.waves.size());
+}
+
+TEST_F(SameBits, while_a_timeline_is_written) {
+  RenderOptions o = options();
+  o.plan.page_bytes = trace_bytes() / 8;
+  cache::trace_log_start();
+  EXPECT_EQ(render(o, 2).report.image_hash, hash_);
+  const std::filesystem::path file = directory_->path() / "trace.json";
+  const Status written = cache::trace_log_write(file);
+  ASSERT_TRUE(written) << written.error().message;
+  std::ifstream stream(file);
+  std::map<std::string, int> spans;
+  for (const auto& event : nlohmann::json::parse(stream)["traceEvents"])
+    if (event["ph"] == "X") ++spans[event["cat"].get<std::string>() + ' ' + event["name"].get<std::string>()];
+  for (const char* name : {"wave wave", "stage generate_rays", "stage sort_rays", "stage trace_rays", "stage route_hits",
+                           "stage shade_hits", "sweep page", "read pages", "read attributes"})
+    EXPECT_GT(spans[name], 0) << name;
 }
 
 TEST_F(SameBits, with_direct_io) {
