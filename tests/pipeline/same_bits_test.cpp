@@ -178,7 +178,8 @@ TEST_F(SameBits, while_a_timeline_is_written) {
   ASSERT_TRUE(written) << written.error().message;
   std::ifstream stream(file);
   std::map<std::string, int> spans;
-  for (const auto& event : nlohmann::json::parse(stream)["traceEvents"])
+  const nlohmann::json log = nlohmann::json::parse(stream);
+  for (const auto& event : log["traceEvents"])
     if (event["ph"] == "X") ++spans[event["cat"].get<std::string>() + ' ' + event["name"].get<std::string>()];
   for (const char* name : {"wave wave", "stage generate_rays", "stage sort_rays", "stage trace_rays", "stage route_hits",
                            "stage shade_hits", "sweep page", "read pages", "read attributes"})
