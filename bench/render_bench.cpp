@@ -10,9 +10,9 @@
 
 #include <CLI/CLI.hpp>
 #include <atomic>
-#include <bit>
 #include <chrono>
 
+#include "bench/support/compare_hits.h"
 #include "bench/support/embree_tracer.h"
 #include "cache/base/parallel.h"
 #include "pipeline/render/render_image.h"
@@ -97,29 +97,8 @@ double trace_seconds(const test::Tracer& tracer, const std::vector<cache::TraceR
   });
 }
 
-// Differences beyond ties of a few units in the last place of t.
-void compare_hits(const std::vector<cache::TraceHit>& ours, const std::vector<cache::TraceHit>& theirs) {
-  size_t same = 0, ties = 0, other = 0, only_ours = 0, only_theirs = 0;
-  for (size_t i = 0; i < ours.size(); ++i) {
-    const bool hit_a = ours[i].prim != PrimId::kNone, hit_b = theirs[i].prim != PrimId::kNone;
-    if (hit_a != hit_b) {
-      ++(hit_a ? only_ours : only_theirs);
-    } else if (ours[i].prim == theirs[i].prim && ours[i].instance == theirs[i].instance) {
-      ++same;
-    } else {
-      const int ulps = std::abs(std::bit_cast<int>(ours[i].t) - std::bit_cast<int>(theirs[i].t));
-      ++(ulps <= 4 ? ties : other);
-      if (ulps > 4 && other <= 20)
-        fmt::print("  ray {}: prim {} at t {:.9g} | Embree prim {} at t {:.9g} ({} ulp)\n", i, ours[i].prim, ours[i].t,
-                   theirs[i].prim, theirs[i].t, ulps);
-    }
-  }
-  fmt::print("hits: {} same, {} ties within 4 ulp, {} other, {} ours only, {} Embree only\n", same, ties, other, only_ours,
-             only_theirs);
-}
-
 template <bool occlusion>
-double compare_kernels(const char* what, const test::Tracer& ours, const test::Tracer& embree,
+double compare_kernels(const char* what, const Store& store, const test::Tracer& ours, const test::Tracer& embree,
                        const std::vector<cache::TraceRay>& rays, int repeat) {
   double best_ours = 1e30, best_embree = 1e30;
   std::vector<cache::TraceHit> a, b;
@@ -130,7 +109,9 @@ double compare_kernels(const char* what, const test::Tracer& ours, const test::T
   const double mrays = static_cast<double>(rays.size()) * 1e-6;
   fmt::print("{:<22} Embree robust {:7.2f} M rays/s | ours {:7.2f} M rays/s | ratio {:.3f}\n", what, mrays / best_embree,
              mrays / best_ours, best_embree / best_ours);
-  if constexpr (!occlusion) compare_hits(a, b);
+  if constexpr (!occlusion) {
+    if (const Status compared = compare_hits(store, rays, a, b); !compared) fmt::print("{}\n", compared.error().message);
+  }
   return best_embree;
 }
 
@@ -149,13 +130,13 @@ Status run(const Arguments& arguments) {
   std::vector<cache::TraceRay> nearest = recorder.nearest_rays().take(), shadow = recorder.occlusion_rays().take();
   fmt::print("{}: {} triangles, {} spp, {} threads, {:.1f} M rays a frame\n", arguments.store.string(),
              store.settings().statistics.triangle_count, arguments.spp, arguments.threads, total_rays * 1e-6);
-  const double pure = (compare_kernels<false>("closest hit, unsorted", *kernel, *embree, nearest, arguments.repeat) +
-                       compare_kernels<true>("occlusion, unsorted", *kernel, *embree, shadow, arguments.repeat)) /
+  const double pure = (compare_kernels<false>("closest hit, unsorted", store, *kernel, *embree, nearest, arguments.repeat) +
+                       compare_kernels<true>("occlusion, unsorted", store, *kernel, *embree, shadow, arguments.repeat)) /
                       static_cast<double>(nearest.size() + shadow.size());
   sort_in_waves(nearest, store.settings().statistics.bounds_world);
   sort_in_waves(shadow, store.settings().statistics.bounds_world);
-  compare_kernels<false>("closest hit, sorted", *kernel, *embree, nearest, arguments.repeat);
-  compare_kernels<true>("occlusion, sorted", *kernel, *embree, shadow, arguments.repeat);
+  compare_kernels<false>("closest hit, sorted", store, *kernel, *embree, nearest, arguments.repeat);
+  compare_kernels<true>("occlusion, sorted", store, *kernel, *embree, shadow, arguments.repeat);
   if (arguments.kernel_only) return {};
 
   double best_embree = 1e30, best_kernel = 1e30, best_streamed = 1e30;

@@ -172,33 +172,12 @@ inline bool walk_unordered(const TreeView<Leaf> tree, uint32_t root, const Kerne
   }
 }
 
-// Edge functions of four sheared triangles. Products are rounded alike for both triangles of a shared edge (no fused
-// operations here), so that an edge belongs to at least one of them.
+// Edge functions of four sheared triangles. Both products are rounded and neither is fused, so that the sign of their
+// difference is exact or the difference is zero, and is the opposite seen from the other side. Zero counts as inside: an
+// edge then belongs to at least one of its triangles, and the double precision of section 3.2 there is not needed.
 struct Edges {
   __m128 u, v, w;
 };
-
-// Lanes where a rounded edge function is zero get it from double precision, whose sign is exact (section 3.2 there).
-inline void refine_zero_edges(Edges& e, __m128 ax, __m128 ay, __m128 bx, __m128 by, __m128 cx, __m128 cy) {
-  const __m128 zero = _mm_setzero_ps();
-  const __m128 any = _mm_or_ps(_mm_or_ps(_mm_cmpeq_ps(e.u, zero), _mm_cmpeq_ps(e.v, zero)), _mm_cmpeq_ps(e.w, zero));
-  if (_mm_movemask_ps(any) == 0) [[likely]] return;
-  alignas(16) float p[6][4], r[3][4];
-  _mm_store_ps(p[0], ax), _mm_store_ps(p[1], ay), _mm_store_ps(p[2], bx);
-  _mm_store_ps(p[3], by), _mm_store_ps(p[4], cx), _mm_store_ps(p[5], cy);
-  const auto edge = [](float a, float b, float c, float d) {
-    return static_cast<float>(static_cast<double>(a) * b - static_cast<double>(c) * d);
-  };
-  for (int i = 0; i < 4; ++i) {
-    r[0][i] = edge(p[4][i], p[3][i], p[5][i], p[2][i]);
-    r[1][i] = edge(p[0][i], p[5][i], p[1][i], p[4][i]);
-    r[2][i] = edge(p[2][i], p[1][i], p[3][i], p[0][i]);
-  }
-  const auto choose = [&](__m128 rounded, const float* exact) {
-    return _mm_blendv_ps(rounded, _mm_load_ps(exact), _mm_cmpeq_ps(rounded, zero));
-  };
-  e.u = choose(e.u, r[0]), e.v = choose(e.v, r[1]), e.w = choose(e.w, r[2]);
-}
 
 // Moves t into the triangle's own box as the ray enters and leaves it; lanes that miss that box are not hit. At grazing
 // angles the rounding of t knows no bound: without this a tree with tighter boxes would lose hits that another finds.
@@ -246,9 +225,8 @@ inline bool intersect_leaf(const TracePageView& page, uint32_t leaf_index, uint3
   const __m128 by = _mm_fnmadd_ps(sy, bz, _mm_sub_ps(_mm_load_ps(leaf.vertex[1][ray.ky]), oy));
   const __m128 cx = _mm_fnmadd_ps(sx, cz, _mm_sub_ps(_mm_load_ps(leaf.vertex[2][ray.kx]), ox));
   const __m128 cy = _mm_fnmadd_ps(sy, cz, _mm_sub_ps(_mm_load_ps(leaf.vertex[2][ray.ky]), oy));
-  Edges e{_mm_sub_ps(_mm_mul_ps(cx, by), _mm_mul_ps(cy, bx)), _mm_sub_ps(_mm_mul_ps(ax, cy), _mm_mul_ps(ay, cx)),
+  const Edges e{_mm_sub_ps(_mm_mul_ps(cx, by), _mm_mul_ps(cy, bx)), _mm_sub_ps(_mm_mul_ps(ax, cy), _mm_mul_ps(ay, cx)),
           _mm_sub_ps(_mm_mul_ps(bx, ay), _mm_mul_ps(by, ax))};
-  refine_zero_edges(e, ax, ay, bx, by, cx, cy);
   const __m128 zero = _mm_setzero_ps();
   const __m128 lowest = _mm_min_ps(_mm_min_ps(e.u, e.v), e.w), highest = _mm_max_ps(_mm_max_ps(e.u, e.v), e.w);
   const __m128 mixed = _mm_and_ps(_mm_cmplt_ps(lowest, zero), _mm_cmpgt_ps(highest, zero));

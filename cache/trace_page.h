@@ -44,8 +44,8 @@ struct TracePageHeader {
 inline constexpr uint32_t kNoChild = 0xffffffffu;
 inline constexpr uint32_t kLeafBit = 0x80000000u;
 
-// Child box in axis a: origin[a] + scale[a] * lower[a][i] .. origin[a] + scale[a] * upper[a][i], padded outwards by one
-// quantum at build time. Slots in use are the first child_count; the others hold kNoChild.
+// Child box in axis a: origin[a] + scale[a] * lower[a][i] .. origin[a] + scale[a] * upper[a][i], rounded outwards.
+// Slots in use are the first child_count; the others hold kNoChild.
 struct alignas(64) TraceNode {
   float origin[3];
   float scale[3];

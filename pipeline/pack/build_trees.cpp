@@ -111,7 +111,7 @@ RTCBuildPrimitive build_primitive(const Bounds3& b, unsigned id) {
   return {b.lower.x, b.lower.y, b.lower.z, 0, b.upper.x, b.upper.y, b.upper.z, id};
 }
 
-// Eight-bit boxes around the children, a quantum wider than needed on each side, so that rounding cannot lose one.
+// Eight-bit boxes around the children, rounded outwards; against the rounding of its own arithmetic the kernel pads.
 void quantise(const BuildNode& from, TraceNode& to) {
   Bounds3 all;
   for (unsigned c = 0; c < from.child_count; ++c) all.grow(from.bounds[c]);
