@@ -30,7 +30,7 @@ struct KernelRay {
   ptrdiff_t near_plane[3];  // where a node's planes that face the ray's origin begin, in bytes from `lower`
   ptrdiff_t far_plane[3];
   int kx, ky, kz;     // axes of the shear: kz is the largest of |direction|
-  float sx, sy, sz;   // Woop et al. 2013, section 3.1
+  float sx, sy;       // Woop et al. 2013, section 3.1
 
   KernelRay(Float3 o, Float3 d, float extent) : origin(o), direction(d) {
     const float largest = std::max(max_abs(o), extent);
@@ -47,7 +47,7 @@ struct KernelRay {
     kx = kz == 2 ? 0 : kz + 1;
     ky = kx == 2 ? 0 : kx + 1;
     if (d[kz] < 0) std::swap(kx, ky);
-    sx = d[kx] / d[kz], sy = d[ky] / d[kz], sz = 1 / d[kz];
+    sx = d[kx] / d[kz], sy = d[ky] / d[kz];
   }
 };
 
@@ -179,6 +179,41 @@ struct Edges {
   __m128 u, v, w;
 };
 
+struct Vector4 {
+  __m128 x, y, z;
+};
+inline Vector4 minus(const Vector4& a, const Vector4& b) {
+  return {_mm_sub_ps(a.x, b.x), _mm_sub_ps(a.y, b.y), _mm_sub_ps(a.z, b.z)};
+}
+inline __m128 dot(const Vector4& a, const Vector4& b) {
+  return _mm_fmadd_ps(a.x, b.x, _mm_fmadd_ps(a.y, b.y, _mm_mul_ps(a.z, b.z)));
+}
+inline Vector4 select(const Vector4& otherwise, const Vector4& chosen, __m128 mask) {
+  return {_mm_blendv_ps(otherwise.x, chosen.x, mask), _mm_blendv_ps(otherwise.y, chosen.y, mask),
+          _mm_blendv_ps(otherwise.z, chosen.z, mask)};
+}
+inline Vector4 load_vertex(const TraceLeaf& leaf, int v) {
+  return {_mm_load_ps(leaf.vertex[v][0]), _mm_load_ps(leaf.vertex[v][1]), _mm_load_ps(leaf.vertex[v][2])};
+}
+inline Vector4 broadcast(Float3 v) { return {_mm_set1_ps(v.x), _mm_set1_ps(v.y), _mm_set1_ps(v.z)}; }
+
+// Where the ray meets the triangles' planes. From the edge functions t would be off by more than the width of a sliver;
+// the normal is taken from the shortest edge and another, whose product loses least. Sets `parallel` where there is no
+// such place.
+inline __m128 plane_distance(const TraceLeaf& leaf, const KernelRay& ray, __m128& parallel) {
+  const Vector4 a = load_vertex(leaf, 0), b = load_vertex(leaf, 1), c = load_vertex(leaf, 2);
+  const Vector4 ab = minus(b, a), bc = minus(c, b), ca = minus(a, c);
+  // The pair that leaves out the longer of ab and ca has the shortest edge of all in it.
+  const __m128 without_ab = _mm_cmpge_ps(dot(ab, ab), dot(ca, ca));
+  const Vector4 first = select(ab, bc, without_ab), second = select(bc, ca, without_ab);
+  const Vector4 normal{_mm_fmsub_ps(first.y, second.z, _mm_mul_ps(first.z, second.y)),
+                       _mm_fmsub_ps(first.z, second.x, _mm_mul_ps(first.x, second.z)),
+                       _mm_fmsub_ps(first.x, second.y, _mm_mul_ps(first.y, second.x))};
+  const __m128 speed = dot(normal, broadcast(ray.direction));
+  parallel = _mm_cmpeq_ps(speed, _mm_setzero_ps());
+  return _mm_div_ps(dot(normal, minus(a, broadcast(ray.origin))), speed);
+}
+
 // Moves t into the triangle's own box as the ray enters and leaves it; lanes that miss that box are not hit. At grazing
 // angles the rounding of t knows no bound: without this a tree with tighter boxes would lose hits that another finds.
 inline __m128 hold_in_own_box(const TraceLeaf& leaf, const KernelRay& ray, __m128& t) {
@@ -233,9 +268,9 @@ inline bool intersect_leaf(const TracePageView& page, uint32_t leaf_index, uint3
   const __m128 det = _mm_add_ps(_mm_add_ps(e.u, e.v), e.w);
   __m128 accept = _mm_andnot_ps(mixed, _mm_cmpneq_ps(det, zero));
   if (_mm_movemask_ps(accept) == 0) return false;
-  const __m128 scaled = _mm_add_ps(_mm_add_ps(_mm_mul_ps(e.u, az), _mm_mul_ps(e.v, bz)), _mm_mul_ps(e.w, cz));
-  __m128 t4 = _mm_mul_ps(_mm_div_ps(scaled, det), _mm_set1_ps(ray.sz));
-  accept = _mm_and_ps(accept, hold_in_own_box(leaf, ray, t4));
+  __m128 parallel;
+  __m128 t4 = plane_distance(leaf, ray, parallel);
+  accept = _mm_andnot_ps(parallel, _mm_and_ps(accept, hold_in_own_box(leaf, ray, t4)));
   accept = _mm_and_ps(accept, _mm_and_ps(_mm_cmpgt_ps(t4, zero), _mm_cmple_ps(t4, _mm_set1_ps(std::min(t_far, FLT_MAX)))));
   auto lanes = static_cast<uint32_t>(_mm_movemask_ps(accept));
   if (lanes == 0) return false;
