@@ -65,6 +65,7 @@ struct ByteSort::State {
     const uint64_t had = keys.capacity();
     if (wanted <= had) return;
     const uint64_t count = std::max(wanted, std::min(capacity, std::max<uint64_t>(2 * had, 4096)));
+    sorted = {}, pairs = {}, pair_scratch = {};  // first: old and new records together are less than these
     Buffer<std::byte> more_records(options.tag, count * record_bytes);
     Buffer<SortKey> more_keys(options.tag, count);
     if (filled > 0) {
@@ -72,7 +73,6 @@ struct ByteSort::State {
       std::memcpy(static_cast<void*>(more_keys.data()), keys.data(), filled * sizeof(SortKey));
     }
     records = std::move(more_records), keys = std::move(more_keys);
-    sorted = {}, pairs = {}, pair_scratch = {};
     sorted = Buffer<std::byte>(options.tag, count * record_bytes);
     pairs = Buffer<KeyIndex<uint64_t>>(options.tag, count);
     pair_scratch = Buffer<KeyIndex<uint64_t>>(options.tag, count);

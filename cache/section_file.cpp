@@ -11,7 +11,7 @@
 //   FileHeader
 //   SectionEntry[section_count]
 //   the sections' bytes, each 64-aligned, in the order of the entries
-// The header's checksum covers header and entries; each entry's checksum covers its bytes.
+// The header's checksum covers header and entries; each entry's checksum covers its bytes; what is between is zero.
 
 namespace spillway::cache {
 namespace {
@@ -111,10 +111,13 @@ Result<SectionReader> SectionReader::read(const std::filesystem::path& path, std
   const std::span table(entries, header.section_count);
   if (header_checksum(header, table) != header.checksum)
     return error("{}: byte 24: the checksum of the header does not match; the file is damaged", path.string());
+  uint64_t end = sizeof header + table.size_bytes();
   for (const SectionEntry& entry : table) {
     if (!is_terminated(entry) || entry.offset_bytes > header.file_bytes ||
         entry.size_bytes > header.file_bytes - entry.offset_bytes || entry.offset_bytes % kAlignment != 0)
       return error("{}: a section lies outside the file; the file is damaged", path.string());
+    SPILLWAY_TRY(reader.check_gap(end, entry.offset_bytes));
+    end = entry.offset_bytes + entry.size_bytes;
     const std::span<const std::byte> bytes(reader.file_.data() + entry.offset_bytes, entry.size_bytes);
     if (checksum(bytes.data(), bytes.size()) != entry.checksum)
       return error("{}: byte {}: the checksum of section '{}' does not match; the file is damaged", path.string(),
@@ -122,7 +125,15 @@ Result<SectionReader> SectionReader::read(const std::filesystem::path& path, std
     if (!reader.sections_.emplace(entry.name, bytes).second)
       return error("{}: section '{}' is there twice; the file is damaged", path.string(), entry.name);
   }
+  SPILLWAY_TRY(reader.check_gap(end, file.size_bytes()));
   return reader;
+}
+
+Status SectionReader::check_gap(uint64_t end, uint64_t next) const {
+  const bool is_next = next == aligned(end);
+  if (is_next && std::all_of(file_.begin() + end, file_.begin() + next, [](std::byte b) { return b == std::byte{0}; }))
+    return {};
+  return error("{}: byte {}: something is between two sections; the file is damaged", path_.string(), end);
 }
 
 bool SectionReader::has(std::string_view name) const { return sections_.contains(name); }

@@ -55,6 +55,8 @@ class SectionReader {
   [[nodiscard]] const std::filesystem::path& path() const { return path_; }
 
  private:
+  Status check_gap(uint64_t end, uint64_t next) const;
+
   std::filesystem::path path_;
   MemoryTag tag_ = MemoryTag::scene;
   Buffer<std::byte> file_;
