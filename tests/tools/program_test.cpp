@@ -1,0 +1,194 @@
+// The program as people and scripts use it: what it leaves behind, what it says, and its exit codes.
+
+#include <gtest/gtest.h>
+#include <sys/wait.h>
+
+#include <array>
+#include <cstdio>
+#include <filesystem>
+#include <fstream>
+#include <nlohmann/json.hpp>
+
+#include "tests/support/small_scene.h"
+
+namespace spillway::tools {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct Ended {
+  int code = -1;
+  std::string said;  // stdout and stderr
+};
+
+Ended run(const std::string& command) {
+  Ended ended;
+  FILE* pipe = popen((command + " 2>&1").c_str(), "r");
+  std::array<char, 4096> buffer;
+  while (const size_t got = fread(buffer.data(), 1, buffer.size(), pipe)) ended.said.append(buffer.data(), got);
+  const int status = pclose(pipe);
+  ended.code = WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
+  return ended;
+}
+
+constexpr std::string_view kScene = R"(LookAt 0 0 5  0 0 0  0 1 0
+Camera "perspective" "float fov" 40
+Film "rgb" "integer xresolution" 24 "integer yresolution" 16
+WorldBegin
+LightSource "infinite" "rgb L" [0.2 0.3 0.4]
+AreaLightSource "diffuse" "rgb L" [5 5 5]
+Shape "trianglemesh" "point3 P" [-1 3 -1  1 3 -1  1 3 1  -1 3 1] "integer indices" [0 1 2 0 2 3]
+)";
+
+class ProgramTest : public testing::Test {
+ protected:
+  Ended spillway(const std::string& arguments) { return run("cd " + folder_.string() + " && " SPILLWAY_PROGRAM " " + arguments); }
+  // Renders what follows WorldBegin in kScene.
+  Ended render(const std::string& body, const std::string& more = "") {
+    write("scene.pbrt", std::string(kScene) + body);
+    return spillway("render scene.pbrt -o out.exr --spp 2 -q " + more);
+  }
+  void write(const std::string& name, const std::string& bytes) {
+    std::ofstream(folder_ / name, std::ios::binary).write(bytes.data(), static_cast<std::streamsize>(bytes.size()));
+  }
+  [[nodiscard]] bool exists(const std::string& name) const { return fs::exists(folder_ / name); }
+  void expect_refused(const Ended& ended, std::initializer_list<const char*> parts) {
+    EXPECT_EQ(ended.code, 3) << ended.said;
+    for (const char* part : parts) EXPECT_NE(ended.said.find(part), std::string::npos) << part << " in: " << ended.said;
+    EXPECT_FALSE(exists("out.exr"));
+    for (const auto& entry : fs::directory_iterator(folder_))
+      EXPECT_EQ(entry.path().string().find(".tmp"), std::string::npos) << entry.path();
+  }
+
+  static std::string a_texture() {
+    for (const auto& entry : fs::directory_iterator(SPILLWAY_SOURCE_DIR "/tests/data/courtyard/textures"))
+      if (entry.path().extension() == ".png") return entry.path();
+    return {};
+  }
+
+  test::TemporaryDirectory directory_;
+  const fs::path folder_ = directory_.path();
+  const std::string courtyard_ = SPILLWAY_SOURCE_DIR "/tests/data/courtyard/courtyard.pbrt";
+};
+
+constexpr const char* kPlyHeader =
+    "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
+    "element face 1\nproperty list uchar int vertex_indices\nend_header\n";
+
+TEST_F(ProgramTest, a_scene_becomes_a_picture_a_report_and_a_timeline) {
+  const Ended first = spillway("render " + courtyard_ + " --store c.store -o a.exr --resolution 64x36 --spp 4 --aov "
+                               "--half-buffers --memory 256MiB --report r.json --trace t.json");
+  ASSERT_EQ(first.code, 0) << first.said;
+  for (const char* part : {"rays/s", "trace_rays", "untagged", "again"})
+    EXPECT_NE(first.said.find(part), std::string::npos) << part;
+  std::ifstream report_file(folder_ / "r.json"), trace_file(folder_ / "t.json");
+  const auto report = nlohmann::json::parse(report_file), trace = nlohmann::json::parse(trace_file);
+  EXPECT_EQ(report["samples_per_pixel"], 4);
+  EXPECT_GT(trace["traceEvents"].size(), 50u);
+  // Other threads and waves: the same picture; another seed: another one.
+  EXPECT_EQ(spillway("render c.store -o b.exr --resolution 64x36 --spp 4 --aov --half-buffers --threads 1 --wave-paths 999 -q").code, 0);
+  const Ended same = spillway("compare a.exr b.exr");
+  EXPECT_EQ(same.code, 0) << same.said;
+  EXPECT_EQ(spillway("render c.store -o d.exr --resolution 64x36 --spp 4 --seed 5 -q").code, 0);
+  EXPECT_EQ(spillway("compare a.exr d.exr").code, 1);
+  EXPECT_EQ(spillway("info c.store").code, 0);
+  EXPECT_NE(spillway("info a.exr").said.find("64"), std::string::npos);
+  const Ended plan = spillway("plan c.store --memory 256MiB --spp 64");
+  EXPECT_EQ(plan.code, 0);
+  EXPECT_NE(plan.said.find("wave"), std::string::npos) << plan.said;
+}
+
+TEST_F(ProgramTest, a_current_store_is_not_packed_again_and_an_old_one_is) {
+  ASSERT_EQ(render("Shape \"trianglemesh\" \"point3 P\" [-1 -1 0 1 -1 0 0 1 0]").code, 0);
+  const auto first = fs::last_write_time(folder_ / "scene.store/manifest.spw");
+  ASSERT_EQ(spillway("render scene.pbrt -o out.exr --spp 1 -q").code, 0);
+  EXPECT_EQ(fs::last_write_time(folder_ / "scene.store/manifest.spw"), first);
+  ASSERT_EQ(render("Shape \"trianglemesh\" \"point3 P\" [-2 -1 0 1 -1 0 0 1 0]").code, 0);
+  EXPECT_NE(fs::last_write_time(folder_ / "scene.store/manifest.spw"), first);
+}
+
+TEST_F(ProgramTest, a_command_line_that_makes_no_sense_ends_with_two) {
+  EXPECT_EQ(spillway("").code, 2);
+  EXPECT_EQ(spillway("render").code, 2);
+  EXPECT_EQ(spillway("render x.pbrt -o a.exr --no-such-option").code, 2);
+  EXPECT_EQ(spillway("render x.pbrt -o a.exr --spp 0").code, 2);
+  EXPECT_EQ(spillway("--help").code, 0);
+}
+
+TEST_F(ProgramTest, scenes_that_are_wrong_are_refused_at_their_place) {
+  expect_refused(spillway("render missing.pbrt -o out.exr"), {"missing.pbrt"});
+  expect_refused(render("Shape \"trianglemesh\" \"point3 P\" [0 0 0"), {"scene.pbrt:8:"});
+  expect_refused(render("Shape \"no-such-shape\""), {"scene.pbrt:8:7", "no-such-shape"});
+  expect_refused(render("\n  Material \"velvet\"\nShape \"trianglemesh\" \"point3 P\" [0 0 0 1 0 0 0 1 0]"), {"scene.pbrt:9:", "velvet"});
+  expect_refused(render("Shape \"trianglemesh\" \"point3 P\" [0 0 0 1 0 0 0 1 0] \"integer indices\" [0 1 7]"), {"scene.pbrt:8", "7"});
+  expect_refused(render("Shape \"trianglemesh\" \"point3 P\" [0 0 0 nan 0 0 0 1 0]"), {"scene.pbrt:8"});
+  expect_refused(spillway("render scene.pbrt -o no/such/folder/out.exr"), {"no/such/folder"});
+}
+
+TEST_F(ProgramTest, meshes_that_are_missing_or_damaged_are_refused_by_name) {
+  const std::string shape = "Shape \"plymesh\" \"string filename\" \"mesh.ply\"";
+  expect_refused(render(shape), {"mesh.ply"});
+  write("mesh.ply", std::string(kPlyHeader) + "0 0 0\n1 0 0\n");
+  expect_refused(render(shape), {"mesh.ply"});
+  write("mesh.ply", std::string(kPlyHeader) + "0 0 0\n1 0 0\n0 1 0\n3 0 1 9\n");
+  expect_refused(render(shape), {"mesh.ply", "9"});
+  write("mesh.ply", std::string(kPlyHeader) + "0 0 0\n1 nan 0\n0 1 0\n3 0 1 2\n");
+  expect_refused(render(shape), {"mesh.ply"});
+  std::string absurd = kPlyHeader;
+  absurd.replace(absurd.find("vertex 3"), 8, "vertex 4000000000");
+  write("mesh.ply", absurd + "0 0 0\n");
+  expect_refused(render(shape), {"mesh.ply"});
+  write("mesh.ply", std::string(kPlyHeader) + "0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n");
+  EXPECT_EQ(render(shape).code, 0);
+}
+
+TEST_F(ProgramTest, textures_that_are_missing_or_damaged_are_refused_by_name) {
+  const std::string body =
+      "Texture \"t\" \"spectrum\" \"imagemap\" \"string filename\" \"image.png\"\n"
+      "Material \"diffuse\" \"texture reflectance\" \"t\"\nShape \"trianglemesh\" \"point3 P\" [-1 -1 0 1 -1 0 0 1 0]";
+  expect_refused(render(body), {"image.png"});
+  write("image.png", "this is no picture");
+  expect_refused(render(body), {"image.png"});
+  std::ifstream whole(a_texture(), std::ios::binary);
+  std::string bytes(std::istreambuf_iterator<char>(whole), {});
+  write("image.png", bytes.substr(0, bytes.size() / 2));
+  expect_refused(render(body), {"image.png"});
+  write("image.png", bytes);
+  EXPECT_EQ(render(body).code, 0);
+}
+
+TEST_F(ProgramTest, a_budget_that_is_too_small_is_refused_with_one_that_would_do) {
+  ASSERT_EQ(spillway("pack " + courtyard_ + " -o c.store -q").code, 0);
+  const Ended refused = spillway("render c.store -o out.exr --memory 64MiB");
+  expect_refused(refused, {"MiB"});
+  // The number it names does.
+  const std::string before = "at least ";
+  const size_t at = refused.said.find(before);
+  ASSERT_NE(at, std::string::npos) << refused.said;
+  const double mib = std::stod(refused.said.substr(at + before.size()));
+  const Ended enough = spillway("render c.store -o out.exr --spp 1 -q --memory " + std::to_string(static_cast<int>(mib) + 1) + "MiB");
+  EXPECT_EQ(enough.code, 0) << refused.said << enough.said;
+}
+
+TEST_F(ProgramTest, a_full_scratch_disk_stops_the_render_and_says_how_much_was_needed) {
+  ASSERT_EQ(spillway("pack " + courtyard_ + " -o c.store -q").code, 0);
+  const Ended full = spillway("render c.store -o out.exr --resolution 200x200 --spp 4 --spill always --scratch . --scratch-limit 1MiB");
+  expect_refused(full, {"scratch disk is full", "more"});
+}
+
+TEST_F(ProgramTest, an_interrupt_leaves_a_picture_of_whole_samples) {
+  ASSERT_EQ(spillway("pack " + courtyard_ + " -o c.store -q").code, 0);
+  const Ended stopped = run("cd " + folder_.string() + " && timeout --preserve-status -s INT 2 " SPILLWAY_PROGRAM
+                            " render c.store -o out.exr --resolution 160x90 --spp 100000 --threads 1 --report r.json");
+  ASSERT_EQ(stopped.code, 130) << stopped.said;
+  std::ifstream report_file(folder_ / "r.json");
+  const uint32_t samples = nlohmann::json::parse(report_file)["samples_per_pixel"];
+  ASSERT_GT(samples, 0u);
+  EXPECT_NE(stopped.said.find("--spp " + std::to_string(samples)), std::string::npos) << stopped.said;
+  ASSERT_EQ(spillway("render c.store -o again.exr --resolution 160x90 -q --spp " + std::to_string(samples)).code, 0);
+  const Ended same = spillway("compare out.exr again.exr");
+  EXPECT_EQ(same.code, 0) << same.said;
+}
+
+}  // namespace
+}  // namespace spillway::tools
