@@ -347,19 +347,18 @@ void trace_page(const TracePageView& page, uint32_t instance, const PageTree& tr
 }
 
 template <TraceMode mode>
-bool trace_resident(const PageTree& tree, const ResidentPages& pages, const TraceRay& ray, TraceHit& hit,
-                    TraceCounters& work) {
-  bool met_absent = false;
+void trace_resident(const PageTree& tree, const ResidentPages& pages, const TraceRay& ray, TraceHit& hit,
+                    TraceCounters& work, DueVisits& due) {
   const float& t_far = mode == TraceMode::nearest ? hit.t : ray.t_max;
   walk_pages(tree, ray, t_far, work.nodes, [&](uint32_t index, uint32_t instance, const KernelRay& local) {
     const TracePageView& page = pages.view(index);
     if (page.header == nullptr) {
-      met_absent = true;
+      if (due.count < due.capacity) due.visits[due.count] = {index, instance};
+      ++due.count;
       return false;
     }
     return walk_page<mode>(page, instance, local, t_far, hit, work);
   });
-  return met_absent && !(hit.flags & kHitOccluded);
 }
 
 size_t pages_met(const PageTree& tree, const ResidentPages& pages, uint32_t first_page, uint32_t last_page,
@@ -381,9 +380,9 @@ template void trace_page<TraceMode::nearest>(const TracePageView&, uint32_t, con
                                              TraceCounters&);
 template void trace_page<TraceMode::occlusion>(const TracePageView&, uint32_t, const PageTree&, const TraceRay&,
                                                TraceHit&, TraceCounters&);
-template bool trace_resident<TraceMode::nearest>(const PageTree&, const ResidentPages&, const TraceRay&, TraceHit&,
-                                                 TraceCounters&);
-template bool trace_resident<TraceMode::occlusion>(const PageTree&, const ResidentPages&, const TraceRay&, TraceHit&,
-                                                   TraceCounters&);
+template void trace_resident<TraceMode::nearest>(const PageTree&, const ResidentPages&, const TraceRay&, TraceHit&,
+                                                 TraceCounters&, DueVisits&);
+template void trace_resident<TraceMode::occlusion>(const PageTree&, const ResidentPages&, const TraceRay&, TraceHit&,
+                                                   TraceCounters&, DueVisits&);
 
 }  // namespace spillway::cache

@@ -39,16 +39,23 @@ template <TraceMode mode>
 void trace_page(const TracePageView& page, uint32_t instance, const PageTree& tree, const TraceRay& ray, TraceHit& hit,
                 TraceCounters& work);
 
-// Traces one ray through all resident pages, front to back. Returns whether a page that is not resident was met
-// (its box entered at t <= hit.t): such rays go on to the sweep.
-template <TraceMode mode>
-bool trace_resident(const PageTree& tree, const ResidentPages& pages, const TraceRay& ray, TraceHit& hit,
-                    TraceCounters& work);
-
 // A page that a ray must still be traced through, as seen from an instance.
 struct PageVisit {
   uint32_t page, instance;
 };
+// Visits that are due, as far as there is room for them; `count` goes on.
+struct DueVisits {
+  PageVisit* visits = nullptr;
+  size_t capacity = 0;
+  size_t count = 0;
+};
+
+// Traces one ray through all resident pages, front to back. `due` gets the pages that are not resident and that the ray
+// met on its way: all that pages_met() names afterwards, and some that lie behind the hit that was then found.
+template <TraceMode mode>
+void trace_resident(const PageTree& tree, const ResidentPages& pages, const TraceRay& ray, TraceHit& hit,
+                    TraceCounters& work, DueVisits& due);
+
 // Every page in [first_page, last_page) that is not resident and whose box (in every enclosing tree) the ray enters at
 // t <= hit.t. Writes at most `capacity` visits, returns how many there are; order unspecified.
 size_t pages_met(const PageTree& tree, const ResidentPages& pages, uint32_t first_page, uint32_t last_page,

@@ -58,6 +58,16 @@ struct WorkSum {
 class VisitList {
  public:
   VisitList() : visits_(64) {}
+  // Traces the ray through what is resident; the rest is due, or more than that.
+  std::span<const PageVisit> trace(const cache::PageTree& tree, cache::ResidentPages resident, TraceMode mode,
+                                   const TraceRay& ray, TraceHit& hit, TraceCounters& work) {
+    cache::DueVisits due{visits_.data(), visits_.size()};
+    if (mode == TraceMode::nearest) cache::trace_resident<TraceMode::nearest>(tree, resident, ray, hit, work, due);
+    if (mode == TraceMode::occlusion) cache::trace_resident<TraceMode::occlusion>(tree, resident, ray, hit, work, due);
+    if ((hit.flags & cache::kHitOccluded) != 0) return {};
+    if (due.count > visits_.size()) return met(tree, resident, 0, UINT32_MAX, mode, ray, hit);
+    return {visits_.data(), due.count};
+  }
   std::span<const PageVisit> met(const cache::PageTree& tree, cache::ResidentPages resident, uint32_t first,
                                  uint32_t last, TraceMode mode, const TraceRay& ray, const TraceHit& hit) {
     while (true) {
@@ -104,7 +114,7 @@ class Tracer {
     __builtin_prefetch(&ray_at(ray));
     __builtin_prefetch(&hit_at(ray), 1);
   }
-  bool trace_first(uint32_t ray, TraceCounters& work) const;
+  std::span<const PageVisit> trace_first(uint32_t ray, VisitList& visits, TraceCounters& work) const;
   void trace_page(const TracePageView& view, uint32_t instance, uint32_t ray, TraceCounters& work) const;
   template <class Body>
   void for_each_waiting(size_t first, size_t last, const Body& body);
@@ -112,7 +122,7 @@ class Tracer {
   Cell& cell(size_t chunk, uint32_t page) { return cells_[chunk * page_count_ + page]; }
   template <class Body>
   void for_each_chunk(const Body& body);
-  void count_pairs();
+  void cut_chunks();
   std::vector<Window> cut_windows();
   void place_cells(const Window& window);
   void emit_pairs(const Window& window);
@@ -142,44 +152,50 @@ class Tracer {
 
 // ---- resident pages ----
 
-// Returns whether pages that are not in memory remain for the ray.
-bool Tracer::trace_first(uint32_t ray, TraceCounters& work) const {
+// Returns the pages that are not in memory and remain for the ray.
+std::span<const PageVisit> Tracer::trace_first(uint32_t ray, VisitList& visits, TraceCounters& work) const {
   const TraceRay& r = ray_at(ray);
   TraceHit hit = cache::no_hit(r);
-  const bool more = is_path(ray)
-                        ? cache::trace_resident<TraceMode::nearest>(tree_, pages_.resident(), r, hit, work)
-                        : cache::trace_resident<TraceMode::occlusion>(tree_, pages_.resident(), r, hit, work);
-  const bool occluded = (hit.flags & cache::kHitOccluded) != 0;
-  hit_at(ray) = occluded ? kOccluded : hit;
-  return more && !occluded;
+  const TraceMode mode = is_path(ray) ? TraceMode::nearest : TraceMode::occlusion;
+  const std::span<const PageVisit> due = visits.trace(tree_, pages_.resident(), mode, r, hit, work);
+  hit_at(ray) = (hit.flags & cache::kHitOccluded) != 0 ? kOccluded : hit;
+  return due;
 }
 
 void Tracer::trace_all_resident() {
   parallel_blocks(batch_.order.size(), block_, [&](size_t, size_t first, size_t last) {
+    VisitList visits;
     TraceCounters work;
     for (size_t i = first; i < last; ++i) {
       if (i + kPrefetch < last) prefetch(batch_.order[i + kPrefetch]);
-      trace_first(batch_.order[i], work);
+      trace_first(batch_.order[i], visits, work);
     }
     work_.add(work);
   });
 }
 
-// Returns whether any ray waits for pages that are not in memory.
+// Traces what is in memory, and counts for each page the rays that still need it. Returns whether there are any.
 bool Tracer::trace_resident_first() {
+  cut_chunks();
   waiting_ = Buffer<uint64_t>(MemoryTag::rays, block_count(batch_.order.size(), kWordRays));
-  std::atomic<bool> any = false;
-  parallel_blocks(batch_.order.size(), block_, [&](size_t, size_t first, size_t last) {
+  std::atomic<uint64_t> waiting_count = 0;
+  for_each_chunk([&](size_t chunk, size_t first, size_t last) {
+    VisitList visits;
     TraceCounters work;
+    uint64_t count = 0;
     for (size_t i = first; i < last; ++i) {
       if (i + kPrefetch < last) prefetch(batch_.order[i + kPrefetch]);
-      if (!trace_first(batch_.order[i], work)) continue;
+      const std::span<const PageVisit> due = trace_first(batch_.order[i], visits, work);
+      if (due.empty()) continue;
       waiting_[i / kWordRays] |= uint64_t{1} << (i % kWordRays);
-      any.store(true, std::memory_order_relaxed);
+      for (const PageVisit& visit : due) ++cell(chunk, visit.page).count;
+      ++count;
     }
+    waiting_count += count;
     work_.add(work);
   });
-  return any;
+  report_.resident_only_count = batch_.order.size() - waiting_count;
+  return waiting_count != 0;
 }
 
 void Tracer::note_pages_used() {
@@ -221,32 +237,20 @@ void Tracer::for_each_chunk(const Body& body) {
   parallel_blocks(batch_.order.size(), chunk_rays_, body);
 }
 
-void Tracer::count_pairs() {
+// Chunks of the order, each counted by one task; they are multiples of the waiting bits' words.
+void Tracer::cut_chunks() {
   const size_t ray_count = batch_.order.size();
   const size_t most = std::clamp<size_t>(kMaxCells / std::max(page_count_, 1u), 1, kMaxChunks);
   chunk_rays_ = block_count(block_count(ray_count, most), block_) * block_;
   chunk_count_ = block_count(ray_count, chunk_rays_);
   cells_ = Buffer<Cell>(MemoryTag::rays, chunk_count_ * page_count_);
-  std::atomic<uint64_t> waiting_count = 0;
-  for_each_chunk([&](size_t chunk, size_t first, size_t last) {
-    VisitList visits;
-    uint64_t count = 0;
-    for_each_waiting(first, last, [&](uint32_t ray) {
-      const std::span<const PageVisit> ahead = pages_ahead(ray, 0, page_count_, visits);
-      for (const PageVisit& visit : ahead) ++cell(chunk, visit.page).count;
-      count += !ahead.empty();
-      return !ahead.empty();
-    });
-    waiting_count += count;
-  });
-  report_.resident_only_count = ray_count - waiting_count;
-  page_pairs_.assign(page_count_, 0);
-  for (size_t chunk = 0; chunk < chunk_count_; ++chunk)
-    for (uint32_t page = 0; page < page_count_; ++page) page_pairs_[page] += cell(chunk, page).count;
 }
 
 // Consecutive pages whose pairs fit together; pages that do not fit alone are met ray by ray.
 std::vector<Window> Tracer::cut_windows() {
+  page_pairs_.assign(page_count_, 0);
+  for (size_t chunk = 0; chunk < chunk_count_; ++chunk)
+    for (uint32_t page = 0; page < page_count_; ++page) page_pairs_[page] += cell(chunk, page).count;
   std::vector<Window> windows;
   for (uint32_t page = 0; page < page_count_; ++page) {
     const uint64_t count = page_pairs_[page];
@@ -370,7 +374,6 @@ void Tracer::trace_by_ray(uint32_t page, const TracePageView& view) {
 }
 
 Status Tracer::sweep() {
-  count_pairs();
   const std::vector<Window> windows = cut_windows();
   uint64_t most = 0;
   for (const Window& window : windows)

@@ -140,7 +140,8 @@ void use(const Store& store) {
     cache::TraceRay ray{{0.1f * static_cast<float>(i), 0.3f, 2}, INFINITY, {0.01f, 0.02f, -1}, 0};
     cache::TraceHit hit = cache::no_hit(ray);
     cache::TraceCounters counters;
-    cache::trace_resident<cache::TraceMode::nearest>(tree, {views.data()}, ray, hit, counters);
+    cache::DueVisits due;
+    cache::trace_resident<cache::TraceMode::nearest>(tree, {views.data()}, ray, hit, counters, due);
     EXPECT_TRUE(hit.prim == PrimId::kNone || hit.prim < prims);
   }
 }

@@ -364,7 +364,8 @@ TEST(TraceRays, a_page_is_read_only_when_a_ray_still_needs_it) {
   std::vector<cache::PageVisit> visits(10000);
   const auto meet = [&]<TraceMode mode>(const TraceRay& ray) {
     TraceHit hit = cache::no_hit(ray);
-    cache::trace_resident<mode>(scene.tree(), run.views.resident(), ray, hit, work);
+    cache::DueVisits due;
+    cache::trace_resident<mode>(scene.tree(), run.views.resident(), ray, hit, work, due);
     if ((hit.flags & cache::kHitOccluded) != 0) return;
     const auto pages = static_cast<uint32_t>(scene.parts.size());
     const size_t count = cache::pages_met(scene.tree(), run.views.resident(), 0, pages, mode, ray, hit, visits.data(),

@@ -31,7 +31,8 @@ class KernelScene {
   [[nodiscard]] cache::TraceHit trace(const cache::TraceRay& ray) const {
     cache::TraceHit hit = cache::no_hit(ray);
     cache::TraceCounters work;
-    cache::trace_resident<mode>(tree_, {views_.data()}, ray, hit, work);
+    cache::DueVisits none;
+    cache::trace_resident<mode>(tree_, {views_.data()}, ray, hit, work, none);
     return hit;
   }
   [[nodiscard]] const cache::PageTree& tree() const { return tree_; }

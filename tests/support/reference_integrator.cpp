@@ -39,13 +39,15 @@ class KernelTracer final : public Tracer {
   cache::TraceHit nearest(const cache::TraceRay& ray) const override {
     cache::TraceHit hit = cache::no_hit(ray);
     cache::TraceCounters work;
-    cache::trace_resident<cache::TraceMode::nearest>(tree_, views_.resident(), ray, hit, work);
+    cache::DueVisits none;
+    cache::trace_resident<cache::TraceMode::nearest>(tree_, views_.resident(), ray, hit, work, none);
     return hit;
   }
   cache::TraceHit occlusion(const cache::TraceRay& ray) const override {
     cache::TraceHit hit = cache::no_hit(ray);
     cache::TraceCounters work;
-    cache::trace_resident<cache::TraceMode::occlusion>(tree_, views_.resident(), ray, hit, work);
+    cache::DueVisits none;
+    cache::trace_resident<cache::TraceMode::occlusion>(tree_, views_.resident(), ray, hit, work, none);
     return hit;
   }
 
