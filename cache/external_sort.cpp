@@ -1,11 +1,15 @@
 #include "cache/external_sort.h"
 
+#include <tbb/enumerable_thread_specific.h>
+
 #include <algorithm>
+#include <atomic>
 #include <vector>
 
 #include "cache/base/check.h"
 #include "cache/base/hash.h"
 #include "cache/base/parallel.h"
+#include "cache/base/parallel_status.h"
 #include "cache/radix_sort.h"
 
 // A run on scratch: sorted records in blocks of `block_bytes` (BlockHeader, records, zeros), and apart from them the keys
@@ -48,6 +52,7 @@ struct ByteSort::State {
   uint64_t file_bytes = 0;
   std::vector<Run> runs;
   std::vector<SortKey> splitters;    // partition p holds keys in [splitters[p], splitters[p + 1])
+  tbb::enumerable_thread_specific<Buffer<std::byte>> thread_blocks;  // what each thread writes or reads
   bool finished = false;
 
   State(size_t bytes, StreamOptions o) : record_bytes(bytes), options(std::move(o)) {
@@ -110,14 +115,18 @@ struct ByteSort::State {
     }
     sort_filled();
     Run run{file_bytes, filled, {}};
-    Buffer<std::byte> block(MemoryTag::streams, block_bytes);
-    for (uint64_t first = 0; first < filled; first += records_per_block) {
-      const uint64_t count = std::min(records_per_block, filled - first);
-      run.block_keys.push_back(keys[pairs[first].index]);
-      fill_block(block, first, count, run.block_keys.size() - 1);
-      SPILLWAY_TRY(file->write(file_bytes, block));
-      file_bytes += block_bytes;
-    }
+    const uint64_t blocks = block_count(filled, records_per_block);
+    run.block_keys.resize(blocks);
+    // Every thread fills and writes blocks of its own: their checksums and requests go side by side.
+    SPILLWAY_TRY(parallel_status(blocks, [&](size_t b) -> Status {
+      Buffer<std::byte>& block = thread_blocks.local();
+      block.renew(MemoryTag::streams, block_bytes);
+      const uint64_t first = b * records_per_block;
+      run.block_keys[b] = keys[pairs[first].index];
+      fill_block(block, first, std::min(records_per_block, filled - first), b);
+      return file->write(run.offset_bytes + b * block_bytes, block);
+    }));
+    file_bytes += blocks * block_bytes;
     runs.push_back(std::move(run));
     filled = 0;
     return {};
@@ -166,23 +175,42 @@ struct ByteSort::State {
       if (splitters.back() < samples[i]) splitters.push_back(samples[i]);
   }
 
-  // Appends what the run has of [from, to) to the filling arrays.
-  Status load(const Run& run, const SortKey& from, const SortKey* to, Buffer<std::byte>& block) {
-    const auto after = std::upper_bound(run.block_keys.begin(), run.block_keys.end(), from);
-    uint64_t index = after == run.block_keys.begin() ? 0 : static_cast<uint64_t>(after - run.block_keys.begin()) - 1;
-    for (; index < run.block_keys.size() && (to == nullptr || run.block_keys[index] < *to); ++index) {
-      SPILLWAY_ASSIGN(const Block content, read_block(run, index, block));
-      const auto first = std::lower_bound(content.keys.begin(), content.keys.end(), from) - content.keys.begin();
-      const auto last = to == nullptr
-                            ? static_cast<std::ptrdiff_t>(content.keys.size())
-                            : std::lower_bound(content.keys.begin(), content.keys.end(), *to) - content.keys.begin();
-      const auto count = static_cast<uint64_t>(last - first);
-      grow(filled + count);
-      std::copy(content.keys.begin() + first, content.keys.begin() + last, keys.data() + filled);
-      std::memcpy(records.data() + filled * record_bytes, content.records + first * record_bytes, count * record_bytes);
-      filled += count;
+  // The blocks of all runs that may hold keys of [from, to).
+  struct Place {
+    const Run* run;
+    uint64_t index;
+  };
+  [[nodiscard]] std::vector<Place> blocks_between(const SortKey& from, const SortKey* to) const {
+    std::vector<Place> places;
+    for (const Run& run : runs) {
+      const auto after = std::upper_bound(run.block_keys.begin(), run.block_keys.end(), from);
+      uint64_t index = after == run.block_keys.begin() ? 0 : static_cast<uint64_t>(after - run.block_keys.begin()) - 1;
+      for (; index < run.block_keys.size() && (to == nullptr || run.block_keys[index] < *to); ++index)
+        places.push_back({&run, index});
     }
-    return {};
+    return places;
+  }
+
+  // Brings the records of [from, to) into the filling arrays, in any order: they are sorted by a total order next.
+  Status load(const SortKey& from, const SortKey* to) {
+    const std::vector<Place> places = blocks_between(from, to);
+    filled = 0;
+    grow(places.size() * records_per_block);
+    std::atomic<uint64_t> placed = 0;
+    const Status status = parallel_status(places.size(), [&](size_t p) -> Status {
+      Buffer<std::byte>& block = thread_blocks.local();
+      block.renew(MemoryTag::streams, block_bytes);
+      SPILLWAY_ASSIGN(const Block content, read_block(*places[p].run, places[p].index, block));
+      const auto begin = content.keys.begin(), end = content.keys.end();
+      const auto first = std::lower_bound(begin, end, from), last = to == nullptr ? end : std::lower_bound(begin, end, *to);
+      const auto skipped = static_cast<uint64_t>(first - begin), count = static_cast<uint64_t>(last - first);
+      const uint64_t at = placed.fetch_add(count);
+      std::copy(first, last, keys.data() + at);
+      std::memcpy(records.data() + at * record_bytes, content.records + skipped * record_bytes, count * record_bytes);
+      return {};
+    });
+    filled = placed;
+    return status;
   }
 };
 
@@ -249,6 +277,7 @@ void ByteSort::clear() {
   s.file.reset();
   s.runs.clear();
   s.splitters.clear();
+  s.thread_blocks.clear();
   s.finished = false;
 }
 
@@ -260,10 +289,7 @@ Result<std::span<const std::byte>> ByteSort::partition(size_t p) {
   State& s = *state_;
   SPILLWAY_CHECK(p, <, s.splitters.size());
   if (!s.runs.empty()) {
-    s.filled = 0;
-    Buffer<std::byte> block(MemoryTag::streams, s.block_bytes);
-    const SortKey* to = p + 1 < s.splitters.size() ? &s.splitters[p + 1] : nullptr;
-    for (const Run& run : s.runs) SPILLWAY_TRY(s.load(run, s.splitters[p], to, block));
+    SPILLWAY_TRY(s.load(s.splitters[p], p + 1 < s.splitters.size() ? &s.splitters[p + 1] : nullptr));
   }
   s.sort_filled();
   return std::span<const std::byte>(s.sorted.data(), s.filled * s.record_bytes);

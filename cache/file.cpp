@@ -276,10 +276,13 @@ Status Scratch::File::write(uint64_t offset, std::span<const std::byte> bytes) {
   TraceSpan span("write", name(purpose_));
   span.set_range(offset, bytes.size());
   const uint64_t end = offset + bytes.size();
-  const uint64_t size = size_bytes_.load();
-  if (end > size) {
-    SPILLWAY_TRY(scratch_->claim(end - size, what_));
-    size_bytes_ = end;
+  if (end > size_bytes_.load()) {
+    const std::lock_guard lock(growing_);
+    const uint64_t size = size_bytes_.load();
+    if (end > size) {
+      SPILLWAY_TRY(scratch_->claim(end - size, what_));
+      size_bytes_ = end;
+    }
   }
   if (!write_fully(descriptor_, offset, bytes.data(), bytes.size())) {
     if (errno == ENOSPC || errno == EDQUOT || errno == EFBIG) return scratch_->full(bytes.size(), what_);

@@ -13,6 +13,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <memory>
+#include <mutex>
 #include <span>
 #include <string>
 
@@ -122,6 +123,7 @@ class Scratch {
 class Scratch::File {
  public:
   ~File();  // gives the bytes back
+  // Any number of threads may write and read at once, in places of their own.
   Status write(uint64_t offset, std::span<const std::byte> bytes);  // 4096-aligned offset, size and buffer
   Status read(uint64_t offset, std::span<std::byte> bytes) const;   // the same
 
@@ -131,6 +133,7 @@ class Scratch::File {
   Scratch* scratch_ = nullptr;
   std::string what_;
   int descriptor_ = -1;
+  std::mutex growing_;
   std::atomic<uint64_t> size_bytes_{0};
   IoPurpose purpose_ = IoPurpose::paths;
 };

@@ -1,5 +1,7 @@
 #include "cache/record_stream.h"
 
+#include <tbb/enumerable_thread_specific.h>
+
 #include <algorithm>
 #include <future>
 #include <vector>
@@ -7,6 +9,7 @@
 #include "cache/base/check.h"
 #include "cache/base/hash.h"
 #include "cache/base/parallel.h"
+#include "cache/base/parallel_status.h"
 
 // Format of a block on scratch: BlockHeader, then records, then zeros up to block_bytes. Blocks lie one after the other.
 
@@ -41,6 +44,7 @@ struct ByteStream::State {
   uint64_t size = 0;
   uint64_t spilled_blocks = 0;  // handed to the writer so far
   bool finished = false;
+  mutable tbb::enumerable_thread_specific<Buffer<std::byte>> thread_blocks;  // what each thread reads
 
   State(size_t bytes, StreamOptions o) : record_bytes(bytes), options(std::move(o)) {
     block_bytes = aligned(std::max<uint64_t>(options.block_bytes, sizeof(BlockHeader) + record_bytes));
@@ -98,6 +102,22 @@ struct ByteStream::State {
     if (!sane || checksum(into.data() + sizeof header, header.record_count * record_bytes) != header.checksum)
       return error("{}: block {} at byte {} of its scratch file came back damaged; check the disk", options.what,
                    spilled_index, offset);
+    return {};
+  }
+
+  // Copies `count` records of a block, from the one numbered `first` in it on.
+  Status copy(uint64_t block, uint64_t first, uint64_t count, std::byte* to) const {
+    const auto copy_from = [&](const Buffer<std::byte>& bytes) {
+      std::memcpy(to, bytes.data() + sizeof(BlockHeader) + first * record_bytes, count * record_bytes);
+    };
+    if (block < resident.size()) {
+      copy_from(resident[block]);
+      return {};
+    }
+    Buffer<std::byte>& bytes = thread_blocks.local();
+    bytes.renew(MemoryTag::streams, block_bytes);
+    SPILLWAY_TRY(read_block(block - resident.size(), bytes));
+    copy_from(bytes);
     return {};
   }
 };
@@ -173,6 +193,7 @@ void ByteStream::clear() {
   s.write = {};
   s.file.reset();
   s.filling = {}, s.writing = {};
+  s.thread_blocks.clear();
   s.size = s.spilled_blocks = 0;
   s.finished = false;
 }
@@ -183,25 +204,15 @@ uint64_t ByteStream::records_per_block() const { return state_->records_per_bloc
 
 Status ByteStream::read(uint64_t first, std::span<std::byte> out) const {
   const State& s = *state_;
-  uint64_t left = out.size() / s.record_bytes;
-  SPILLWAY_CHECK(first + left, <=, s.size);
-  std::byte* to = out.data();
-  Buffer<std::byte> block;
-  while (left > 0) {
-    const uint64_t index = first / s.records_per_block, at = first % s.records_per_block;
-    const uint64_t now = std::min(left, s.records_per_block - at);
-    const std::byte* from = nullptr;
-    if (index < s.resident.size()) {
-      from = s.resident[index].data();
-    } else {
-      if (block.empty()) block = Buffer<std::byte>(MemoryTag::streams, s.block_bytes);
-      SPILLWAY_TRY(s.read_block(index - s.resident.size(), block));
-      from = block.data();
-    }
-    std::memcpy(to, from + sizeof(BlockHeader) + at * s.record_bytes, now * s.record_bytes);
-    first += now, left -= now, to += now * s.record_bytes;
-  }
-  return {};
+  const uint64_t count = out.size() / s.record_bytes;
+  SPILLWAY_CHECK(first + count, <=, s.size);
+  if (count == 0) return {};
+  const uint64_t first_block = first / s.records_per_block, last_block = (first + count - 1) / s.records_per_block;
+  return parallel_status(last_block - first_block + 1, [&](size_t i) {
+    const uint64_t block = first_block + i, block_begin = block * s.records_per_block;
+    const uint64_t from = std::max(first, block_begin), to = std::min(first + count, block_begin + s.records_per_block);
+    return s.copy(block, from - block_begin, to - from, out.data() + (from - first) * s.record_bytes);
+  });
 }
 
 }  // namespace spillway::cache

@@ -2,7 +2,8 @@
 
 // A sequence of trivially copyable records: in memory until its limit, then in checksummed blocks on scratch.
 //
-// Owns: its records. Memory: `tag` up to memory_limit_bytes, then two blocks of MemoryTag::streams.
+// Owns: its records. Memory: `tag` up to memory_limit_bytes, then two blocks of MemoryTag::streams,
+//       and one a thread that reads.
 // Threads: one appender, then (after finish) readers of any number; no lock is held over I/O.
 // Fails: a full scratch disk on append/finish; a damaged block on read, naming stream, block and offset.
 // Order: records come back in the order of append, whatever was spilled.

@@ -5,7 +5,7 @@
 #include <string>
 
 #include "pipeline/pack/pack_image.h"
-#include "pipeline/pack/parallel_status.h"
+#include "cache/base/parallel_status.h"
 
 namespace spillway::pipeline {
 namespace {

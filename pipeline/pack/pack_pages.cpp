@@ -6,7 +6,7 @@
 
 #include "cache/base/parallel.h"
 #include "pipeline/pack/cluster_pages.h"
-#include "pipeline/pack/parallel_status.h"
+#include "cache/base/parallel_status.h"
 
 namespace spillway::pipeline {
 namespace {

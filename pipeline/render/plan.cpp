@@ -112,6 +112,11 @@ Plan shape(const SceneFacts& f, const PlanOptions& o, uint64_t paths, bool spill
   // A wave must not starve on two open epochs.
   while (uint64_t{plan.epoch_samples} * f.pixel_count < paths && plan.epoch_samples < (1u << 16)) plan.epoch_samples *= 2;
   plan.memory_bytes = fixed_bytes(f, o) + wave_bytes(paths, spills) + share.sum();
+  if (spills) {
+    // What the caches leave is the hits': a sort that stays in memory saves the most bytes of all that spills.
+    const uint64_t more = std::min(budget - plan.memory_bytes, paths * kHitBytesPerPath);
+    plan.hit_bytes += more, plan.memory_bytes += more;
+  }
   return plan;
 }
 

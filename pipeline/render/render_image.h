@@ -34,7 +34,7 @@ struct RenderOptions {
   // Performance: these must not.
   PlanOptions plan;                  // budget and shares
   bool sort_rays = true;             // off: rays are traced in the order they were made (ablation)
-  uint64_t spill_block_bytes = 1 << 20;   // larger: longer requests, more buffer memory
+  uint64_t spill_block_bytes = 1 << 19;   // larger: longer requests, more buffer memory
   uint64_t hit_sort_bytes = 0;       // limit of the hit sort; 0: planned
   bool direct_io = false;            // bypass the page cache for pages and attributes
   std::filesystem::path scratch_directory;  // empty: the system's temporary directory

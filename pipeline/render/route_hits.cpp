@@ -49,8 +49,11 @@ Status route_all(const cache::RecordStream<Record>& records, Buffer<Record>& col
                  cache::ExternalSort<HitRecord>& sort, Film& film, RouteHitsScratch& scratch, RouteHitsReport& report,
                  const RouteOne& route_one) {
   std::array<RoutedBlock, kBatchRecords / kBlockRecords> blocks;
-  for (size_t start = 0; start < count; start += kBatchRecords) {
-    const size_t in_batch = std::min(kBatchRecords, count - start);
+  // Whole blocks of the stream where they fit a batch: each is then read once.
+  const size_t per_block = records.records_per_block();
+  const size_t step = per_block <= kBatchRecords ? kBatchRecords / per_block * per_block : kBatchRecords;
+  for (size_t start = 0; start < count; start += step) {
+    const size_t in_batch = std::min(step, count - start);
     SPILLWAY_TRY(records.read(start, {cold.data(), in_batch}));
     parallel_blocks(in_batch, kBlockRecords, [&](size_t b, size_t first, size_t last) {
       RoutedBlock out{first};

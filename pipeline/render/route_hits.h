@@ -38,7 +38,7 @@ struct RouteHitsReport {
 
 // Reused from wave to wave. Blocks of rays write from their own first index on.
 struct RouteHitsScratch {
-  static constexpr size_t kBatchRecords = 1 << 14;
+  static constexpr size_t kBatchRecords = 1 << 15;
   Buffer<PathRecord> paths{MemoryTag::paths, kBatchRecords};
   Buffer<ShadowRecord> shadows{MemoryTag::paths, kBatchRecords};
   Buffer<HitRecord> hits{MemoryTag::paths, kBatchRecords};

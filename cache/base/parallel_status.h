@@ -11,7 +11,7 @@
 
 #include "cache/base/result.h"
 
-namespace spillway::pipeline {
+namespace spillway {
 
 template <class Step>
 Status parallel_status(size_t count, const Step& step) {
@@ -30,4 +30,4 @@ Status parallel_status(size_t count, const Step& step) {
   return {};
 }
 
-}  // namespace spillway::pipeline
+}  // namespace spillway
