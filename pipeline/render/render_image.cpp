@@ -334,7 +334,33 @@ void connect(RenderState& state) {
   in.wants_aovs = state.options.aov_layers;
 }
 
-void fill_report(const RenderState& state, const cache::ProcessIo& before, RenderReport& report) {
+// What was read and written before the render.
+struct IoBefore {
+  cache::ProcessIo process = cache::process_io();
+  std::array<cache::IoUse, cache::kIoPurposeCount> by_purpose = all();
+
+  static std::array<cache::IoUse, cache::kIoPurposeCount> all() {
+    std::array<cache::IoUse, cache::kIoPurposeCount> use;
+    for (int i = 0; i < cache::kIoPurposeCount; ++i) use[i] = cache::io_use(static_cast<cache::IoPurpose>(i));
+    return use;
+  }
+};
+
+void fill_io(const IoBefore& before, RenderReport& report) {
+  report.io = IoBefore::all();
+  for (int i = 0; i < cache::kIoPurposeCount; ++i) {
+    cache::IoUse& use = report.io[i];
+    const cache::IoUse& then = before.by_purpose[i];
+    use.read_bytes -= then.read_bytes, use.read_count -= then.read_count;
+    use.written_bytes -= then.written_bytes, use.write_count -= then.write_count;
+  }
+  const cache::ProcessIo now = cache::process_io();
+  report.process_io = {now.read_chars - before.process.read_chars, now.written_chars - before.process.written_chars,
+                       now.device_read_bytes - before.process.device_read_bytes,
+                       now.device_written_bytes - before.process.device_written_bytes};
+}
+
+void fill_report(const RenderState& state, const IoBefore& before, RenderReport& report) {
   report.plan = state.plan;
   report.pages = state.page_parts->counters();
   report.attributes = state.attributes->parts().counters();
@@ -342,11 +368,7 @@ void fill_report(const RenderState& state, const cache::ProcessIo& before, Rende
   if (state.textures) report.textures = state.textures->counters();
   if (state.scratch) report.scratch_peak_bytes = state.scratch->peak_bytes();
   report.direct_io = state.options.direct_io;
-  for (int i = 0; i < cache::kIoPurposeCount; ++i) report.io[i] = cache::io_use(static_cast<cache::IoPurpose>(i));
-  const cache::ProcessIo now = cache::process_io();
-  report.process_io = {now.read_chars - before.read_chars, now.written_chars - before.written_chars,
-                       now.device_read_bytes - before.device_read_bytes,
-                       now.device_written_bytes - before.device_written_bytes};
+  fill_io(before, report);
   for (int i = 0; i < kMemoryTagCount; ++i) report.memory[i] = memory_use(static_cast<MemoryTag>(i));
   report.memory_total = memory_total();
   report.resident = resident_memory();
@@ -410,7 +432,7 @@ SceneFacts scene_facts(const Store& store, const RenderOptions& options) {
 
 Result<RenderedImage> render_image(const Store& store, const RenderOptions& options) {
   memory_reset_peaks();
-  const cache::ProcessIo io_before = cache::process_io();
+  const IoBefore io_before;
   RenderState state(store, options);
   PlanOptions plan_options = options.plan;
   plan_options.floor_bytes = memory_floor_bytes();

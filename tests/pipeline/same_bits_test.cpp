@@ -166,6 +166,12 @@ TEST_F(SameBits, when_everything_is_spilled) {
   EXPECT_EQ(image.report.image_hash, hash_);
   EXPECT_GT(image.report.spilled_bytes, 1u << 20);
   EXPECT_GT(image.report.shade.partition_count, 2 * image.report.waves.size());
+  // What the report says was read and written is what the system says, within two percent.
+  double read = static_cast<double>(image.report.textures.bytes_read), written = 0;
+  for (const cache::IoUse& use : image.report.io)
+    read += static_cast<double>(use.read_bytes), written += static_cast<double>(use.written_bytes);
+  EXPECT_NEAR(read / static_cast<double>(image.report.process_io.read_chars), 1, 0.02);
+  EXPECT_NEAR(written / static_cast<double>(image.report.process_io.written_chars), 1, 0.02);
 }
 
 TEST_F(SameBits, while_a_timeline_is_written) {
