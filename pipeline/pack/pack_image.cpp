@@ -191,7 +191,6 @@ void set_mean(const Level& level, cache::ImageInfo& info) {
 
 Result<cache::ImageInfo> pack_here(const std::filesystem::path& source, cache::TexelEncoding encoding,
                                    const std::filesystem::path& directory, uint32_t index, uint64_t memory_limit) {
-  OIIO::attribute("threads", 1);
   SPILLWAY_ASSIGN(const Decoded decoded, read_image(source.string(), encoding, memory_limit));
   cache::ImageInfo info = decoded.info;
   const std::string name = fmt::format("{:05}.tif", index);
@@ -253,6 +252,8 @@ Result<cache::ImageInfo> pack_image(const std::filesystem::path& source, cache::
   if (!std::filesystem::is_regular_file(source, code)) return error("{}: there is no such image file", source.string());
   int ends[2];
   if (pipe(ends) != 0) return error("no pipe for decoding {}: {}", source.string(), std::strerror(errno));
+  // The library's threads would not live on in the child, which would wait for them or worse: there are to be none.
+  OIIO::attribute("threads", 1);
   const pid_t process = fork();
   if (process == 0) child(ends[1], source, encoding, textures_directory, image_index, options);
   close(ends[1]);
