@@ -253,7 +253,7 @@ Result<cache::ImageInfo> pack_image(const std::filesystem::path& source, cache::
   int ends[2];
   if (pipe(ends) != 0) return error("no pipe for decoding {}: {}", source.string(), std::strerror(errno));
   // The library's threads would not live on in the child, which would wait for them or worse: there are to be none.
-  OIIO::attribute("threads", 1);
+  [[maybe_unused]] static const bool alone = OIIO::attribute("threads", 1);
   const pid_t process = fork();
   if (process == 0) child(ends[1], source, encoding, textures_directory, image_index, options);
   close(ends[1]);
