@@ -13,6 +13,7 @@ constexpr uint64_t kHotBytesPerPath = 2 * (32 + 24 + 4);    // rays, results, or
 constexpr uint64_t kNextHotBytesPerPath = 2 * 32;           // what shade_hits writes while hits are still held
 constexpr uint64_t kSortBytesPerPath = 2 * 16;              // keys and indices of sort_rays, twice
 constexpr uint64_t kPairBytesPerPath = 40;                  // of a sweep: two rays that need two or three pages each
+constexpr uint64_t kSpilledPairBytesPerPath = 12;           // less than that: a sweep in several windows
 constexpr uint64_t kColdBytesPerPath = 52 + 24;             // path and shadow record, of one wave
 constexpr uint64_t kHitBytesPerPath = 2 * 96 + 2 * 16 + 8;  // records, keys, order and the gathered copy
 // Written and read again for every step of a spilled path: two cold records and a hit with its key, both ways.
@@ -51,10 +52,10 @@ uint64_t fixed_bytes(const SceneFacts& f, const PlanOptions& o) {
 }
 
 uint64_t wave_bytes(uint64_t paths, bool spills) {
-  const uint64_t tracing = kHotBytesPerPath + kSortBytesPerPath + kPairBytesPerPath;
-  const uint64_t shading = kNextHotBytesPerPath;
-  if (spills) return paths * std::max(tracing, kHotBytesPerPath + shading) + kSpillBufferBytes + kSmallestHitSortBytes;
-  return paths * (tracing + shading + 2 * kColdBytesPerPath + kHitBytesPerPath);
+  // A spilled wave gives back what sorting took before it traces, and all but the rays before it shades.
+  if (spills) return paths * (kHotBytesPerPath + kSpilledPairBytesPerPath) + kSpillBufferBytes + kSmallestHitSortBytes;
+  return paths * (kHotBytesPerPath + kSortBytesPerPath + kPairBytesPerPath + kNextHotBytesPerPath + 2 * kColdBytesPerPath +
+                  kHitBytesPerPath);
 }
 
 // Gives what is left beyond the smallest shares to the caches: pages first, for they are swept; then attributes, textures.
@@ -104,7 +105,7 @@ Plan shape(const SceneFacts& f, const PlanOptions& o, uint64_t paths, bool spill
   plan.pages_fit = share.pages >= f.trace_bytes, plan.attributes_fit = share.attributes >= f.attribute_bytes;
   plan.textures_fit = share.textures >= f.texture_bytes;
   plan.read_ahead_bytes = kReadAheadParts * f.largest_page_bytes;
-  plan.pair_bytes = std::max<uint64_t>(paths * kPairBytesPerPath, 1 * kMiB);
+  plan.pair_bytes = std::max<uint64_t>(paths * (spills ? kSpilledPairBytesPerPath : kPairBytesPerPath), 1 * kMiB);
   plan.ray_bytes = paths * (kHotBytesPerPath + kNextHotBytesPerPath);
   plan.cold_bytes = spills ? 0 : UINT64_MAX;
   plan.hit_bytes = spills ? kSmallestHitSortBytes : UINT64_MAX;
