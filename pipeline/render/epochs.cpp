@@ -15,7 +15,7 @@ std::optional<Epoch> EpochSchedule::open_next() {
   for (const uint32_t candidate : {half, 1 - half}) {
     if (open_[candidate] || opened_[candidate] >= target_[candidate]) continue;
     // Powers of two that double the half, so that early stops leave whole Sobol' prefixes.
-    const uint32_t doubling = std::max(1u, opened_[candidate]);
+    const uint32_t doubling = std::max(options_.smallest_samples, opened_[candidate]);
     const uint32_t count =
         std::min({doubling, options_.largest_samples, target_[candidate] - opened_[candidate]});
     const Epoch epoch{candidate, opened_[candidate], count};

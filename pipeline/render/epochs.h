@@ -16,6 +16,7 @@ namespace spillway::pipeline {
 struct EpochOptions {
   uint32_t samples_per_pixel = 16;  // of both halves; the first gets the odd one
   uint32_t largest_samples = 16;    // of an epoch; larger: fewer drained waves, later stops
+  uint32_t smallest_samples = 1;    // of the first epoch of a half, a power of two: large waves starve on small ones
 };
 
 struct Epoch {

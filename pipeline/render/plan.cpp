@@ -112,6 +112,9 @@ Plan shape(const SceneFacts& f, const PlanOptions& o, uint64_t paths, bool spill
   plan.epoch_samples = 16;
   // A wave must not starve on two open epochs.
   while (uint64_t{plan.epoch_samples} * f.pixel_count < paths && plan.epoch_samples < (1u << 16)) plan.epoch_samples *= 2;
+  // Nor on the first ones, which double from here: two of them fill half of a wave.
+  while (uint64_t{4} * plan.first_epoch_samples * f.pixel_count < paths && plan.first_epoch_samples < plan.epoch_samples)
+    plan.first_epoch_samples *= 2;
   plan.memory_bytes = fixed_bytes(f, o) + wave_bytes(paths, spills) + share.sum();
   if (spills) {
     // What the caches leave is the hits': a sort that stays in memory saves the most bytes of all that spills.

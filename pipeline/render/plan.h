@@ -50,6 +50,7 @@ struct Plan {
   uint64_t hit_bytes = 0;          // limit of the hit sort
   uint64_t ray_bytes = 0;          // hot columns, results, orders
   uint32_t epoch_samples = 16;     // largest epoch
+  uint32_t first_epoch_samples = 1;
   uint64_t memory_bytes = 0;       // what all of it comes to, floor included
   double predicted_seconds = 0;
   uint64_t predicted_waves = 0, predicted_page_bytes = 0, predicted_spill_bytes = 0, predicted_scratch_bytes = 0;

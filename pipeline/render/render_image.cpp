@@ -87,7 +87,7 @@ class RenderLoop {
   RenderLoop(RenderState& state, RenderReport& report)
       : state_(state), report_(report), settings_(state.options.settings),
         camera_rays_(settings_.camera, settings_.filter, pixel_window(settings_), settings_.render.seed),
-        schedule_({settings_.render.samples_per_pixel, state.plan.epoch_samples}),
+        schedule_({settings_.render.samples_per_pixel, state.plan.epoch_samples, state.plan.first_epoch_samples}),
         hits_(stream_options(state, "hits", MemoryTag::hits, cache::IoPurpose::hits, state.plan.hit_bytes)) {}
 
   Status run() {
