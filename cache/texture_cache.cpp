@@ -15,7 +15,7 @@
 namespace spillway::cache {
 namespace {
 
-// Measured beside OpenImageIO's own limit: what it keeps of a file for ever, and of an open handle (REVIEW 4.6).
+// Measured beside OpenImageIO's own limit: what it keeps of a file for ever, and of an open handle.
 constexpr uint64_t kBytesPerFile = 20 << 10, kBytesPerHandle = 1 << 20;
 constexpr int kOpenHandles = 64;
 

@@ -1,19 +1,17 @@
 #include "shading/sampler.h"
 
-#include <bit>
-
 #include "cache/base/hash.h"
 
 namespace spillway::shading {
 namespace {
 
-uint32_t reverse_bits(uint32_t x) {
-  x = std::rotl(x, 16);  // then swap within halves
-  x = ((x & 0x00ff00ffu) << 8) | ((x & 0xff00ff00u) >> 8);
-  x = ((x & 0x0f0f0f0fu) << 4) | ((x & 0xf0f0f0f0u) >> 4);
-  x = ((x & 0x33333333u) << 2) | ((x & 0xccccccccu) >> 2);
-  return ((x & 0x55555555u) << 1) | ((x & 0xaaaaaaaau) >> 1);
+uint64_t reverse_bits(uint64_t x) {
+  x = __builtin_bswap64(x);  // then swap within bytes
+  x = ((x & 0x0f0f0f0f0f0f0f0fu) << 4) | ((x >> 4) & 0x0f0f0f0f0f0f0f0fu);
+  x = ((x & 0x3333333333333333u) << 2) | ((x >> 2) & 0x3333333333333333u);
+  return ((x & 0x5555555555555555u) << 1) | ((x >> 1) & 0x5555555555555555u);
 }
+uint32_t reverse_bits(uint32_t x) { return static_cast<uint32_t>(reverse_bits(uint64_t{x}) >> 32); }
 
 // Each bit is flipped by a hash of the bits below it: applied to reversed bits, an Owen scramble (Burley 2020, section 3;
 // constants found by Vegdahl).
@@ -51,9 +49,9 @@ Float2 sample_2d(SampleKey key, uint32_t slot) {
   const auto y_seed = static_cast<uint32_t>(mix64(scramble));
   const uint32_t index = nested_uniform_scramble(key.sample >> 1, shuffle_seed);
   // Dimension one of index i is i with its bits reversed, so the scramble's first reversal cancels.
-  const uint32_t x = reverse_bits(laine_karras(index, x_seed));
-  const uint32_t y = reverse_bits(laine_karras(sobol_second_reversed(index), y_seed));
-  return {unit_float(x), unit_float(y)};
+  const uint64_t reversed_x = laine_karras(index, x_seed), reversed_y = laine_karras(sobol_second_reversed(index), y_seed);
+  const uint64_t both = reverse_bits(reversed_x | reversed_y << 32);
+  return {unit_float(static_cast<uint32_t>(both >> 32)), unit_float(static_cast<uint32_t>(both))};
 }
 
 float hashed_1d(SampleKey key, SampleStream stream, uint32_t a, uint32_t b, uint32_t c) {

@@ -1,6 +1,6 @@
 #pragma once
 
-// Epochs: when work is complete (DESIGN section 4).
+// Epochs: when work is complete.
 //
 // An epoch is a range of samples of one half, over all pixels of the window; epochs alternate between the halves
 // (A: even samples, B: odd), and at most two are open, one a half. So the half a live path belongs to names its epoch,

@@ -7,9 +7,7 @@
 #include "cache/base/check.h"
 #include "cache/base/hash.h"
 #include "cache/trace_log.h"
-#include "pipeline/evaluate_texture.h"
-#include "pipeline/render/attribute_store.h"
-#include "pipeline/render/resolve_material.h"
+#include "pipeline/render/render_state.h"
 #include "pipeline/render/route_hits.h"
 #include "pipeline/render/shade_hits.h"
 
@@ -18,24 +16,6 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 double seconds_since(Clock::time_point start) { return std::chrono::duration<double>(Clock::now() - start).count(); }
-
-// Everything that lives as long as the render.
-struct RenderState {
-  RenderState(const Store& s, const RenderOptions& o) : store(s), options(o) {}
-
-  const Store& store;
-  const RenderOptions& options;
-  Plan plan = {};
-  std::unique_ptr<cache::Scratch> scratch;
-  std::unique_ptr<cache::PartStore> page_parts;
-  std::unique_ptr<PageViews> pages;
-  std::unique_ptr<AttributeStore> attributes;
-  std::unique_ptr<cache::TextureCache> textures;
-  std::unique_ptr<TextureEvaluator> evaluator;
-  std::unique_ptr<MaterialResolver> resolver;
-  std::unique_ptr<Film> film;
-  ShadeInputs inputs;
-};
 
 using Paths = RayColumns<PathRecord>;
 using Shadows = RayColumns<ShadowRecord>;
@@ -267,118 +247,6 @@ class RenderLoop {
   Clock::time_point start_;
 };
 
-std::vector<cache::Part> page_parts(const Store& store) {
-  std::vector<cache::Part> parts;
-  for (const cache::PageLocation& page : store.pages()) parts.push_back({page.offset_bytes, page.size_bytes});
-  return parts;
-}
-
-std::vector<cache::Part> attribute_parts(const Store& store) {
-  std::vector<cache::Part> parts;
-  for (const AttributeLocation& block : store.attributes()) parts.push_back({block.offset_bytes, block.size_bytes});
-  return parts;
-}
-
-cache::PartStore::Options part_options(const RenderState& state, MemoryTag tag, cache::IoPurpose purpose,
-                                       uint64_t limit) {
-  return {.tag = tag, .purpose = purpose, .memory_limit_bytes = limit,
-          .read_ahead_bytes = state.plan.read_ahead_bytes, .direct = state.options.direct_io};
-}
-
-Status open_geometry(RenderState& state) {
-  const Store& store = state.store;
-  SPILLWAY_ASSIGN(state.page_parts,
-                  cache::PartStore::open(store.trace_pages_path(), page_parts(store),
-                                         part_options(state, MemoryTag::pages, cache::IoPurpose::pages,
-                                                      state.plan.page_bytes),
-                                         cache::validate_trace_page));
-  state.pages = std::make_unique<PageViews>(*state.page_parts);
-  SPILLWAY_ASSIGN(auto attributes,
-                  cache::PartStore::open(store.attributes_path(), attribute_parts(store),
-                                         part_options(state, MemoryTag::attributes, cache::IoPurpose::attributes,
-                                                      state.plan.attribute_bytes),
-                                         cache::validate_attribute_block));
-  state.attributes = std::make_unique<AttributeStore>(std::move(attributes), store.attributes());
-  return {};
-}
-
-// A scene without images has no texture cache.
-Status open_textures(RenderState& state) {
-  const Store& store = state.store;
-  if (!store.images().empty()) {
-    SPILLWAY_ASSIGN(state.textures, cache::TextureCache::open(store.textures_path(), store.images(),
-                                                              {.memory_limit_bytes = state.plan.texture_bytes}));
-  }
-  state.evaluator = std::make_unique<TextureEvaluator>(store.textures(), state.textures.get());
-  return {};
-}
-
-Status open_scratch(RenderState& state) {
-  if (!state.plan.spills && state.options.hit_sort_bytes == 0) return {};
-  const std::filesystem::path directory = state.options.scratch_directory.empty()
-                                              ? std::filesystem::temp_directory_path()
-                                              : state.options.scratch_directory;
-  SPILLWAY_ASSIGN(state.scratch, cache::Scratch::create(directory, state.options.scratch_limit_bytes));
-  return {};
-}
-
-void connect(RenderState& state) {
-  const Store& store = state.store;
-  const SceneSettings& settings = state.options.settings;
-  ShadeInputs& in = state.inputs;
-  in.settings = {store.light_table(), settings.render.max_depth, settings.render.seed};
-  in.tables = {store.meshes(), store.materials(), state.evaluator.get()};
-  in.instances = store.page_tree().instances;
-  state.resolver = std::make_unique<MaterialResolver>(in.tables, settings.render.seed);
-  in.resolver = state.resolver.get();
-  in.wants_aovs = state.options.aov_layers;
-}
-
-// What was read and written before the render.
-struct IoBefore {
-  cache::ProcessIo process = cache::process_io();
-  std::array<cache::IoUse, cache::kIoPurposeCount> by_purpose = all();
-
-  static std::array<cache::IoUse, cache::kIoPurposeCount> all() {
-    std::array<cache::IoUse, cache::kIoPurposeCount> use;
-    for (int i = 0; i < cache::kIoPurposeCount; ++i) use[i] = cache::io_use(static_cast<cache::IoPurpose>(i));
-    return use;
-  }
-};
-
-void fill_io(const IoBefore& before, RenderReport& report) {
-  report.io = IoBefore::all();
-  for (int i = 0; i < cache::kIoPurposeCount; ++i) {
-    cache::IoUse& use = report.io[i];
-    const cache::IoUse& then = before.by_purpose[i];
-    use.read_bytes -= then.read_bytes, use.read_count -= then.read_count;
-    use.written_bytes -= then.written_bytes, use.write_count -= then.write_count;
-  }
-  const cache::ProcessIo now = cache::process_io();
-  report.process_io = {now.read_chars - before.process.read_chars, now.written_chars - before.process.written_chars,
-                       now.device_read_bytes - before.process.device_read_bytes,
-                       now.device_written_bytes - before.process.device_written_bytes};
-}
-
-void fill_report(const RenderState& state, const IoBefore& before, RenderReport& report) {
-  report.plan = state.plan;
-  report.pages = state.page_parts->counters();
-  report.attributes = state.attributes->parts().counters();
-  report.has_textures = state.textures != nullptr;
-  if (state.textures) report.textures = state.textures->counters();
-  if (state.scratch) report.scratch_peak_bytes = state.scratch->peak_bytes();
-  report.direct_io = state.options.direct_io;
-  fill_io(before, report);
-  for (int i = 0; i < kMemoryTagCount; ++i) report.memory[i] = memory_use(static_cast<MemoryTag>(i));
-  report.memory_total = memory_total();
-  report.resident = resident_memory();
-  report.floor_bytes = memory_floor_bytes();
-  const uint64_t known = report.memory_total.peak_bytes + report.floor_bytes;
-  report.untagged_bytes = report.resident.peak_bytes > known ? report.resident.peak_bytes - known : 0;
-  report.faults = state.film->faults();
-  report.image_hash = state.film->hash();
-}
-
 }  // namespace
 
 FilmShape film_shape(const SceneSettings& settings, bool aov_layers) {
@@ -434,18 +302,7 @@ Result<RenderedImage> render_image(const Store& store, const RenderOptions& opti
   memory_reset_peaks();
   const IoBefore io_before;
   RenderState state(store, options);
-  PlanOptions plan_options = options.plan;
-  plan_options.floor_bytes = memory_floor_bytes();
-  SPILLWAY_ASSIGN(state.plan, plan_render(scene_facts(store, options), plan_options));
-  if (options.hit_sort_bytes != 0) state.plan.hit_bytes = options.hit_sort_bytes;
-  SPILLWAY_TRY(open_scratch(state));
-  SPILLWAY_TRY(open_geometry(state));
-  SPILLWAY_TRY(open_textures(state));
-  SPILLWAY_ASSIGN(Film film, Film::create(film_shape(options.settings, options.aov_layers),
-                                          film_identity(store, options.settings)));
-  state.film = std::make_unique<Film>(std::move(film));
-  connect(state);
-
+  SPILLWAY_TRY(open_render_state(state));
   RenderedImage image;
   SPILLWAY_TRY(RenderLoop(state, image.report).run());
   fill_report(state, io_before, image.report);

@@ -1,6 +1,6 @@
 #pragma once
 
-// The loop: one wave after the other, each a pass over the stages. See DESIGN section 3.
+// The loop: one wave after the other, each a pass over the stages.
 
 #include <atomic>
 #include <cstdint>

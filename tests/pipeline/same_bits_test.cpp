@@ -1,4 +1,4 @@
-// Promise 2: the machine does not leak into the image. Every performance field is varied, each limit is seen to bite in
+// The machine does not leak into the image. Every performance field is varied, each limit is seen to bite in
 // the counters, and the streamed image equals that of the depth-first reference integrator, bit for bit.
 
 #include <gtest/gtest.h>

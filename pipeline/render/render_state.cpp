@@ -1,0 +1,134 @@
+#include "pipeline/render/render_state.h"
+
+namespace spillway::pipeline {
+namespace {
+
+std::vector<cache::Part> page_parts(const Store& store) {
+  std::vector<cache::Part> parts;
+  for (const cache::PageLocation& page : store.pages()) parts.push_back({page.offset_bytes, page.size_bytes});
+  return parts;
+}
+
+std::vector<cache::Part> attribute_parts(const Store& store) {
+  std::vector<cache::Part> parts;
+  for (const AttributeLocation& block : store.attributes()) parts.push_back({block.offset_bytes, block.size_bytes});
+  return parts;
+}
+
+cache::PartStore::Options part_options(const RenderState& state, MemoryTag tag, cache::IoPurpose purpose,
+                                       uint64_t limit) {
+  return {.tag = tag, .purpose = purpose, .memory_limit_bytes = limit,
+          .read_ahead_bytes = state.plan.read_ahead_bytes, .direct = state.options.direct_io};
+}
+
+Status open_geometry(RenderState& state) {
+  const Store& store = state.store;
+  SPILLWAY_ASSIGN(state.page_parts,
+                  cache::PartStore::open(store.trace_pages_path(), page_parts(store),
+                                         part_options(state, MemoryTag::pages, cache::IoPurpose::pages,
+                                                      state.plan.page_bytes),
+                                         cache::validate_trace_page));
+  state.pages = std::make_unique<PageViews>(*state.page_parts);
+  SPILLWAY_ASSIGN(auto attributes,
+                  cache::PartStore::open(store.attributes_path(), attribute_parts(store),
+                                         part_options(state, MemoryTag::attributes, cache::IoPurpose::attributes,
+                                                      state.plan.attribute_bytes),
+                                         cache::validate_attribute_block));
+  state.attributes = std::make_unique<AttributeStore>(std::move(attributes), store.attributes());
+  return {};
+}
+
+// A scene without images has no texture cache.
+Status open_textures(RenderState& state) {
+  const Store& store = state.store;
+  if (!store.images().empty()) {
+    SPILLWAY_ASSIGN(state.textures, cache::TextureCache::open(store.textures_path(), store.images(),
+                                                              {.memory_limit_bytes = state.plan.texture_bytes}));
+  }
+  state.evaluator = std::make_unique<TextureEvaluator>(store.textures(), state.textures.get());
+  return {};
+}
+
+Status open_scratch(RenderState& state) {
+  if (!state.plan.spills && state.options.hit_sort_bytes == 0) return {};
+  const std::filesystem::path directory = state.options.scratch_directory.empty()
+                                              ? std::filesystem::temp_directory_path()
+                                              : state.options.scratch_directory;
+  SPILLWAY_ASSIGN(state.scratch, cache::Scratch::create(directory, state.options.scratch_limit_bytes));
+  return {};
+}
+
+void connect(RenderState& state) {
+  const Store& store = state.store;
+  const SceneSettings& settings = state.options.settings;
+  ShadeInputs& in = state.inputs;
+  in.settings = {store.light_table(), settings.render.max_depth, settings.render.seed};
+  in.tables = {store.meshes(), store.materials(), state.evaluator.get()};
+  in.instances = store.page_tree().instances;
+  state.resolver = std::make_unique<MaterialResolver>(in.tables, settings.render.seed);
+  in.resolver = state.resolver.get();
+  in.wants_aovs = state.options.aov_layers;
+}
+
+}  // namespace
+
+Status open_render_state(RenderState& state) {
+  const RenderOptions& options = state.options;
+  PlanOptions plan_options = options.plan;
+  plan_options.floor_bytes = memory_floor_bytes();
+  SPILLWAY_ASSIGN(state.plan, plan_render(scene_facts(state.store, options), plan_options));
+  if (options.hit_sort_bytes != 0) state.plan.hit_bytes = options.hit_sort_bytes;
+  SPILLWAY_TRY(open_scratch(state));
+  SPILLWAY_TRY(open_geometry(state));
+  SPILLWAY_TRY(open_textures(state));
+  SPILLWAY_ASSIGN(Film film, Film::create(film_shape(options.settings, options.aov_layers),
+                                          film_identity(state.store, options.settings)));
+  state.film = std::make_unique<Film>(std::move(film));
+  connect(state);
+  return {};
+}
+
+std::array<cache::IoUse, cache::kIoPurposeCount> IoBefore::all() {
+  std::array<cache::IoUse, cache::kIoPurposeCount> use;
+  for (int i = 0; i < cache::kIoPurposeCount; ++i) use[i] = cache::io_use(static_cast<cache::IoPurpose>(i));
+  return use;
+}
+
+namespace {
+
+void fill_io(const IoBefore& before, RenderReport& report) {
+  report.io = IoBefore::all();
+  for (int i = 0; i < cache::kIoPurposeCount; ++i) {
+    cache::IoUse& use = report.io[i];
+    const cache::IoUse& then = before.by_purpose[i];
+    use.read_bytes -= then.read_bytes, use.read_count -= then.read_count;
+    use.written_bytes -= then.written_bytes, use.write_count -= then.write_count;
+  }
+  const cache::ProcessIo now = cache::process_io();
+  report.process_io = {now.read_chars - before.process.read_chars, now.written_chars - before.process.written_chars,
+                       now.device_read_bytes - before.process.device_read_bytes,
+                       now.device_written_bytes - before.process.device_written_bytes};
+}
+
+}  // namespace
+
+void fill_report(const RenderState& state, const IoBefore& before, RenderReport& report) {
+  report.plan = state.plan;
+  report.pages = state.page_parts->counters();
+  report.attributes = state.attributes->parts().counters();
+  report.has_textures = state.textures != nullptr;
+  if (state.textures) report.textures = state.textures->counters();
+  if (state.scratch) report.scratch_peak_bytes = state.scratch->peak_bytes();
+  report.direct_io = state.options.direct_io;
+  fill_io(before, report);
+  for (int i = 0; i < kMemoryTagCount; ++i) report.memory[i] = memory_use(static_cast<MemoryTag>(i));
+  report.memory_total = memory_total();
+  report.resident = resident_memory();
+  report.floor_bytes = memory_floor_bytes();
+  const uint64_t known = report.memory_total.peak_bytes + report.floor_bytes;
+  report.untagged_bytes = report.resident.peak_bytes > known ? report.resident.peak_bytes - known : 0;
+  report.faults = state.film->faults();
+  report.image_hash = state.film->hash();
+}
+
+}  // namespace spillway::pipeline

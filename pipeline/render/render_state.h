@@ -1,0 +1,57 @@
+#pragma once
+
+// What lives as long as one render: the plan, the caches it gives their shares, the film, the tables of shading.
+//
+// Owns: the open store files, scratch, caches, film. Memory: as planned. Threads: opened and closed by one thread; what
+// the stages may do at once with its parts, those say.
+
+#include <array>
+#include <memory>
+
+#include "cache/file.h"
+#include "cache/part_store.h"
+#include "cache/texture_cache.h"
+#include "pipeline/evaluate_texture.h"
+#include "pipeline/render/attribute_store.h"
+#include "pipeline/render/film.h"
+#include "pipeline/render/plan.h"
+#include "pipeline/render/render_image.h"
+#include "pipeline/render/render_report.h"
+#include "pipeline/render/resolve_material.h"
+#include "pipeline/render/shade_hits.h"
+#include "pipeline/render/trace_rays.h"
+
+namespace spillway::pipeline {
+
+struct RenderState {
+  RenderState(const Store& s, const RenderOptions& o) : store(s), options(o) {}
+
+  const Store& store;
+  const RenderOptions& options;
+  Plan plan = {};
+  std::unique_ptr<cache::Scratch> scratch;
+  std::unique_ptr<cache::PartStore> page_parts;
+  std::unique_ptr<PageViews> pages;
+  std::unique_ptr<AttributeStore> attributes;
+  std::unique_ptr<cache::TextureCache> textures;
+  std::unique_ptr<TextureEvaluator> evaluator;
+  std::unique_ptr<MaterialResolver> resolver;
+  std::unique_ptr<Film> film;
+  ShadeInputs inputs;
+};
+
+// Plans, and opens everything the plan has a share for. Fails as the parts do, and when the budget is too small.
+Status open_render_state(RenderState& state);
+
+// What was read and written before the render.
+struct IoBefore {
+  cache::ProcessIo process = cache::process_io();
+  std::array<cache::IoUse, cache::kIoPurposeCount> by_purpose = all();
+
+  static std::array<cache::IoUse, cache::kIoPurposeCount> all();
+};
+
+// The counters at the end of the render.
+void fill_report(const RenderState& state, const IoBefore& before, RenderReport& report);
+
+}  // namespace spillway::pipeline
