@@ -79,12 +79,14 @@ const char* verdict(const Difference& difference, const TraceRay& ray, const Tri
 
 Status compare_hits(const pipeline::Store& store, std::span<const TraceRay> rays, std::span<const TraceHit> ours,
                     std::span<const TraceHit> embree) {
-  size_t same = 0, ties = 0;
+  size_t same = 0, ties = 0, alpha = 0;
   std::vector<Difference> differences;
   for (size_t i = 0; i < rays.size(); ++i) {
     const bool both = ours[i].prim != PrimId::kNone && embree[i].prim != PrimId::kNone;
     const int ulps = std::abs(std::bit_cast<int>(ours[i].t) - std::bit_cast<int>(embree[i].t));
-    if (ours[i].prim == embree[i].prim && (!both || ours[i].instance == embree[i].instance))
+    if ((embree[i].flags & cache::kHitAlphaUnknown) != 0)
+      ++alpha;
+    else if (ours[i].prim == embree[i].prim && (!both || ours[i].instance == embree[i].instance))
       ++same;
     else if (both && ulps <= kTieUlps)
       ++ties;
@@ -103,7 +105,8 @@ Status compare_hits(const pipeline::Store& store, std::span<const TraceRay> rays
     fmt::print("  ray {}: prim {} at t {:.9g} | Embree prim {} at t {:.9g}: {}\n", d.ray, static_cast<int>(d.ours.prim),
                d.ours.t, static_cast<int>(d.embree.prim), d.embree.t, by_double);
   }
-  fmt::print("hits: {} same, {} ties within {} ulp, {} other", same, ties, kTieUlps, differences.size());
+  fmt::print("hits: {} same, {} ties within {} ulp, {} on masks (not compared), {} other", same, ties, kTieUlps, alpha,
+             differences.size());
   for (const auto& [by_double, count] : verdicts) fmt::print("; {}: {}", by_double, count);
   fmt::print("\n");
   return {};

@@ -16,8 +16,9 @@ constexpr uint64_t kPairBytesPerPath = 40;                  // of a sweep: two r
 constexpr uint64_t kSpilledPairBytesPerPath = 12;           // less than that: a sweep in several windows
 constexpr uint64_t kColdBytesPerPath = 52 + 24;             // path and shadow record, of one wave
 constexpr uint64_t kHitBytesPerPath = 2 * 96 + 2 * 16 + 8;  // records, keys, order and the gathered copy
-// Written and read again for every step of a spilled path: two cold records and a hit with its key, both ways.
-constexpr uint64_t kSpillBytesPerStep = 2 * (kColdBytesPerPath + 96 + 16);
+// Written and read again for every step of a spilled path: two cold records, and a hit with its key where hits spill too.
+constexpr uint64_t kColdSpillBytesPerStep = 2 * kColdBytesPerPath;
+constexpr uint64_t kHitSpillBytesPerStep = 2 * (96 + 16);
 
 // Small waves stay in the processor's caches; larger ones only pay when a sweep is to be shared.
 constexpr uint64_t kInCoreWavePaths = 32 << 10;
@@ -84,7 +85,8 @@ void predict(const SceneFacts& f, const Rates& r, Plan& plan) {
   const uint64_t swept = missed(f.trace_bytes, plan.page_bytes) + missed(f.attribute_bytes, plan.attribute_bytes) +
                          missed(f.texture_bytes, plan.texture_bytes);
   const double page_bytes = waves * static_cast<double>(swept) + static_cast<double>(f.trace_bytes + f.attribute_bytes);
-  const double spill_bytes = plan.spills ? steps * kSpillBytesPerStep : 0;
+  const bool hits_spill = plan.hit_bytes < plan.wave_paths * kHitBytesPerPath;
+  const double spill_bytes = plan.spills ? steps * (kColdSpillBytesPerStep + (hits_spill ? kHitSpillBytesPerStep : 0)) : 0;
   const double compute = steps / r.path_steps_per_second + waves * r.wave_overhead_seconds;
   const double io = (page_bytes + spill_bytes) / r.disk_bytes_per_second;
   plan.predicted_waves = static_cast<uint64_t>(waves);
@@ -117,9 +119,13 @@ Plan shape(const SceneFacts& f, const PlanOptions& o, uint64_t paths, bool spill
     plan.first_epoch_samples *= 2;
   plan.memory_bytes = fixed_bytes(f, o) + wave_bytes(paths, spills) + share.sum();
   if (spills) {
-    // What the caches leave is the hits': a sort that stays in memory saves the most bytes of all that spills.
-    const uint64_t more = std::min(budget - plan.memory_bytes, paths * kHitBytesPerPath);
-    plan.hit_bytes += more, plan.memory_bytes += more;
+    const auto give = [&](uint64_t& to, uint64_t wanted) {
+      const uint64_t more = std::min(budget - plan.memory_bytes, wanted);
+      to += more, plan.memory_bytes += more;
+    };
+    // What the caches leave: sweeps in one window, then a sort of hits in memory, which saves most of what spills.
+    if (!plan.pages_fit) give(plan.pair_bytes, paths * (kPairBytesPerPath - kSpilledPairBytesPerPath));
+    give(plan.hit_bytes, paths * kHitBytesPerPath);
   }
   return plan;
 }
