@@ -1,14 +1,9 @@
 #include "pipeline/pack/pack_image.h"
 
 #include <OpenImageIO/imageio.h>
-#include <sys/resource.h>
-#include <sys/wait.h>
-#include <unistd.h>
 
 #include <algorithm>
-#include <cerrno>
 #include <cmath>
-#include <csignal>
 #include <cstring>
 #include <span>
 #include <vector>
@@ -17,13 +12,7 @@ namespace spillway::pipeline {
 namespace {
 
 constexpr int kLargestSize = 65536;
-
-// What the child tells the parent through the pipe; a message means failure.
-struct Outcome {
-  uint32_t failed = 1;
-  char message[1000] = {};
-  cache::ImageInfo info{};
-};
+constexpr std::string_view kUnfinishedPrefix = "unfinished-";
 
 // An image level in linear light.
 struct Level {
@@ -189,85 +178,36 @@ void set_mean(const Level& level, cache::ImageInfo& info) {
     info.mean[c] = c < level.channels ? static_cast<float>(sum[c] / (double{1} * level.width * level.height)) : 0;
 }
 
-Result<cache::ImageInfo> pack_here(const std::filesystem::path& source, cache::TexelEncoding encoding,
-                                   const std::filesystem::path& directory, uint32_t index, uint64_t memory_limit) {
-  SPILLWAY_ASSIGN(const Decoded decoded, read_image(source.string(), encoding, memory_limit));
-  cache::ImageInfo info = decoded.info;
-  const std::string name = fmt::format("{:05}.tif", index);
-  std::memcpy(info.file_name, name.c_str(), name.size() + 1);
-  set_mean(decoded.level, info);
-  const std::filesystem::path temporary = directory / ("unfinished-" + name);
-  SPILLWAY_TRY(write_levels(decoded, temporary, info));
-  std::error_code code;
-  std::filesystem::rename(temporary, directory / name, code);
-  if (code) return error("{}: cannot be renamed: {}", temporary.string(), code.message());
-  return info;
-}
-
-void limit(int resource, uint64_t value) {
-  const rlimit wanted{value, value};
-  setrlimit(static_cast<__rlimit_resource_t>(resource), &wanted);
-}
-
-// Runs in the child; never returns.
-[[noreturn]] void child(int pipe, const std::filesystem::path& source, cache::TexelEncoding encoding,
-                        const std::filesystem::path& directory, uint32_t index, const PackImageOptions& options) {
-#ifndef __SANITIZE_ADDRESS__
-  limit(RLIMIT_AS, options.memory_limit_bytes);
-#endif
-  limit(RLIMIT_CPU, options.time_limit_seconds);
-  limit(RLIMIT_CORE, 0);
-  Outcome outcome;
-  std::string message;
-  try {
-    const auto info = pack_here(source, encoding, directory, index, options.memory_limit_bytes);
-    if (info) outcome.failed = 0, outcome.info = *info;
-    if (!info) message = info.error().message;
-  } catch (const std::exception& problem) {
-    message = fmt::format("{}: its decoder failed: {}", source.string(), problem.what());
-  }
-  message.copy(outcome.message, sizeof outcome.message - 1);
-  const ssize_t sent = write(pipe, &outcome, sizeof outcome);
-  _exit(sent == static_cast<ssize_t>(sizeof outcome) ? 0 : 1);
-}
-
-bool receive(int pipe, Outcome& outcome) {
-  size_t got = 0;
-  while (got < sizeof outcome) {
-    const ssize_t now = read(pipe, reinterpret_cast<char*>(&outcome) + got, sizeof outcome - got);
-    if (now < 0 && errno == EINTR) continue;
-    if (now <= 0) return false;
-    got += static_cast<size_t>(now);
-  }
-  return true;
-}
-
 }  // namespace
 
 Result<cache::ImageInfo> pack_image(const std::filesystem::path& source, cache::TexelEncoding encoding,
                                     const std::filesystem::path& textures_directory, uint32_t image_index,
-                                    const PackImageOptions& options) {
+                                    uint64_t memory_limit_bytes) {
+  SPILLWAY_ASSIGN(const Decoded decoded, read_image(source.string(), encoding, memory_limit_bytes));
+  cache::ImageInfo info = decoded.info;
+  const std::string name = packed_image_name(image_index);
+  std::memcpy(info.file_name, name.c_str(), name.size() + 1);
+  set_mean(decoded.level, info);
+  const std::filesystem::path temporary = textures_directory / unfinished_image_name(image_index);
+  SPILLWAY_TRY(write_levels(decoded, temporary, info));
   std::error_code code;
-  std::filesystem::create_directories(textures_directory, code);
-  if (!std::filesystem::is_regular_file(source, code)) return error("{}: there is no such image file", source.string());
-  int ends[2];
-  if (pipe(ends) != 0) return error("no pipe for decoding {}: {}", source.string(), std::strerror(errno));
-  // The library's threads would not live on in the child, which would wait for them or worse: there are to be none.
-  [[maybe_unused]] static const bool alone = OIIO::attribute("threads", 1);
-  const pid_t process = fork();
-  if (process == 0) child(ends[1], source, encoding, textures_directory, image_index, options);
-  close(ends[1]);
-  Outcome outcome;
-  const bool heard = process > 0 && receive(ends[0], outcome);
-  close(ends[0]);
-  int status = 0;
-  if (process > 0) waitpid(process, &status, 0);
-  if (heard && outcome.failed == 0) return outcome.info;
-  std::filesystem::remove(textures_directory / fmt::format("unfinished-{:05}.tif", image_index), code);
-  if (heard) return error("{}", outcome.message);
-  if (process < 0) return error("no process for decoding {}: {}", source.string(), std::strerror(errno));
-  return error("{}: its decoder was ended by signal {} ({}); the file is damaged, or needs more memory or time than allowed",
-               source.string(), WTERMSIG(status), strsignal(WTERMSIG(status)));
+  std::filesystem::rename(temporary, textures_directory / name, code);
+  if (code) return error("{}: cannot be renamed: {}", temporary.string(), code.message());
+  return info;
+}
+
+std::string packed_image_name(uint32_t image_index) { return fmt::format("{:05}.tif", image_index); }
+
+std::string unfinished_image_name(uint32_t image_index) {
+  return std::string(kUnfinishedPrefix) + packed_image_name(image_index);
+}
+
+bool is_packed_image_name(std::string_view name) {
+  static constexpr std::string_view kSuffix = ".tif";
+  if (name.starts_with(kUnfinishedPrefix)) name.remove_prefix(kUnfinishedPrefix.size());
+  if (!name.ends_with(kSuffix)) return false;
+  name.remove_suffix(kSuffix.size());
+  return name.size() >= 5 && std::all_of(name.begin(), name.end(), [](char c) { return c >= '0' && c <= '9'; });
 }
 
 }  // namespace spillway::pipeline

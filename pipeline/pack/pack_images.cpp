@@ -1,11 +1,13 @@
 #include "pipeline/pack/pack_images.h"
 
 #include <algorithm>
+#include <atomic>
 #include <set>
 #include <string>
 
+#include "cache/base/parallel.h"
+#include "pipeline/pack/image_decoder.h"
 #include "pipeline/pack/pack_image.h"
-#include "cache/base/parallel_status.h"
 
 namespace spillway::pipeline {
 namespace {
@@ -20,24 +22,23 @@ Result<std::vector<cache::ImageInfo>> pack_images(std::span<const ImageSource> s
                                                   const std::filesystem::path& textures_directory,
                                                   uint64_t memory_limit_bytes) {
   std::vector<cache::ImageInfo> images(sources.size());
-  const size_t at_once = std::clamp<uint64_t>(memory_limit_bytes / kBytesPerImage, 1, kMostAtOnce);
-  for (size_t first = 0; first < sources.size(); first += at_once) {
-    SPILLWAY_TRY(parallel_status(std::min(at_once, sources.size() - first), [&](size_t i) -> Status {
-      const ImageSource& source = sources[first + i];
-      SPILLWAY_ASSIGN(images[first + i], pack_image(source.file, source.encoding, textures_directory,
-                                                    static_cast<uint32_t>(first + i), PackImageOptions{}));
-      return {};
-    }));
-  }
+  std::vector<Status> statuses(sources.size());
+  std::atomic<size_t> next = 0;
+  std::atomic<bool> failed = false;
+  const size_t decoders = std::min<uint64_t>(std::clamp<uint64_t>(memory_limit_bytes / kBytesPerImage, 1, kMostAtOnce), sources.size());
+  parallel_blocks(decoders, 1, [&](size_t, size_t, size_t) {
+    ImageDecoder decoder;
+    while (!failed) {
+      const size_t i = next++;
+      if (i >= sources.size()) return;
+      auto info = decoder.pack(sources[i].file, sources[i].encoding, textures_directory, static_cast<uint32_t>(i));
+      if (info) images[i] = *info;
+      if (!info) statuses[i] = info.error(), failed = true;
+    }
+  });
+  // Images are begun in order, and what is begun is ended: the first failure is the same in every run.
+  for (const Status& status : statuses) SPILLWAY_TRY(status);
   return images;
-}
-
-bool is_packed_image_name(std::string_view name) {
-  static constexpr std::string_view kUnfinished = "unfinished-", kSuffix = ".tif";
-  if (name.starts_with(kUnfinished)) name.remove_prefix(kUnfinished.size());
-  if (!name.ends_with(kSuffix)) return false;
-  name.remove_suffix(kSuffix.size());
-  return name.size() >= 5 && std::all_of(name.begin(), name.end(), [](char c) { return c >= '0' && c <= '9'; });
 }
 
 void remove_packed_images(const std::filesystem::path& textures_directory, std::span<const cache::ImageInfo> keep) {

@@ -25,8 +25,6 @@ Result<std::vector<cache::ImageInfo>> pack_images(std::span<const ImageSource> s
                                                   const std::filesystem::path& textures_directory,
                                                   uint64_t memory_limit_bytes);
 
-// Whether pack_image gives files such names, finished or not.
-[[nodiscard]] bool is_packed_image_name(std::string_view name);
 // Removes packed images that are none of `keep`, and the directory when it is empty then.
 void remove_packed_images(const std::filesystem::path& textures_directory, std::span<const cache::ImageInfo> keep);
 

@@ -5,6 +5,7 @@
 #include "cache/section_file.h"
 #include "pipeline/pack/bake_micromap.h"
 #include "pipeline/pack/pack_attributes.h"
+#include "pipeline/pack/pack_image.h"
 #include "pipeline/pack/pack_lights.h"
 #include "pipeline/pack/pack_page_tree.h"
 #include "pipeline/pack/pack_pages.h"

@@ -1,6 +1,6 @@
 // Images through packing and the cache: a value that was written is a value that is looked up.
 
-#include "pipeline/pack/pack_image.h"
+#include "pipeline/pack/image_decoder.h"
 
 #include <gtest/gtest.h>
 
@@ -34,7 +34,7 @@ class PackImageTest : public testing::Test {
         for (int c = 0; c < 3; ++c) file.put(static_cast<char>(byte_at(x, y, c)));
   }
   Result<cache::ImageInfo> pack(const std::string& folder = "textures", TexelEncoding encoding = TexelEncoding::linear) {
-    return pack_image(source_, encoding, directory_.path() / folder, 0, {});
+    return decoder_.pack(source_, encoding, directory_.path() / folder, 0);
   }
   std::unique_ptr<TextureCache> open(const cache::ImageInfo& info, uint64_t limit = 64 << 20) {
     auto cache = TextureCache::open(directory_.path() / "textures", std::span(&info, 1), {.memory_limit_bytes = limit});
@@ -57,6 +57,7 @@ class PackImageTest : public testing::Test {
 
   test::TemporaryDirectory directory_;
   const std::filesystem::path source_ = directory_.path() / "image.ppm";
+  ImageDecoder decoder_;
 };
 
 TEST_F(PackImageTest, every_texel_comes_back) {
@@ -148,6 +149,31 @@ TEST_F(PackImageTest, damaged_absurd_and_missing_images_are_refused_by_name_and_
   refused(std::string(5000, 'x'));
   std::filesystem::remove(source_);
   EXPECT_FALSE(pack("refused"));
+}
+
+#ifndef __SANITIZE_ADDRESS__  // where the address space has no limit
+TEST_F(PackImageTest, an_image_that_needs_more_memory_than_its_decoder_may_take_is_refused_and_the_next_one_packed) {
+  std::ofstream(source_, std::ios::binary) << "P6\n8000 8000\n255\n" << std::string(3ull * 8000 * 8000, 'x');
+  ImageDecoder small({.memory_limit_bytes = 2ull << 30});
+  const auto refused = small.pack(source_, TexelEncoding::linear, directory_.path() / "textures", 0);
+  ASSERT_FALSE(refused);
+  EXPECT_NE(refused.error().message.find("image.ppm"), std::string::npos) << refused.error().message;
+  EXPECT_TRUE(std::filesystem::is_empty(directory_.path() / "textures"));
+  SetUp();
+  const auto packed = small.pack(source_, TexelEncoding::linear, directory_.path() / "textures", 0);
+  EXPECT_TRUE(packed) << packed.error().message;
+}
+#endif
+
+TEST_F(PackImageTest, a_decoder_that_takes_too_long_is_ended_and_the_next_image_packed) {
+  std::ofstream(source_, std::ios::binary) << "P6\n6000 6000\n255\n" << std::string(3ull * 6000 * 6000, 'x');
+  ImageDecoder impatient({.time_limit_seconds = 0});
+  const auto refused = impatient.pack(source_, TexelEncoding::srgb, directory_.path() / "textures", 0);
+  ASSERT_FALSE(refused);
+  EXPECT_NE(refused.error().message.find("image.ppm: its decoder was ended by signal"), std::string::npos) << refused.error().message;
+  EXPECT_TRUE(std::filesystem::is_empty(directory_.path() / "textures"));
+  SetUp();
+  EXPECT_TRUE(impatient.pack(source_, TexelEncoding::linear, directory_.path() / "textures", 0));
 }
 
 }  // namespace

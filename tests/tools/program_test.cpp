@@ -77,7 +77,7 @@ constexpr const char* kPlyHeader =
 
 TEST_F(ProgramTest, a_scene_becomes_a_picture_a_report_and_a_timeline) {
   const Ended first = spillway("render " + courtyard_ + " --store c.store -o a.exr --resolution 64x36 --spp 4 --aov "
-                               "--half-buffers --memory 256MiB --report r.json --trace t.json");
+                               "--half-buffers --memory 512MiB --report r.json --trace t.json");
   ASSERT_EQ(first.code, 0) << first.said;
   for (const char* part : {"rays/s", "trace_rays", "untagged", "again"})
     EXPECT_NE(first.said.find(part), std::string::npos) << part;
@@ -93,7 +93,7 @@ TEST_F(ProgramTest, a_scene_becomes_a_picture_a_report_and_a_timeline) {
   EXPECT_EQ(spillway("compare a.exr d.exr").code, 1);
   EXPECT_EQ(spillway("info c.store").code, 0);
   EXPECT_NE(spillway("info a.exr").said.find("64"), std::string::npos);
-  const Ended plan = spillway("plan c.store --memory 256MiB --spp 64");
+  const Ended plan = spillway("plan c.store --memory 512MiB --spp 64");
   EXPECT_EQ(plan.code, 0);
   EXPECT_NE(plan.said.find("wave"), std::string::npos) << plan.said;
 }
