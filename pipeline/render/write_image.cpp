@@ -142,6 +142,7 @@ std::vector<ChannelGroup> channel_groups(const Film& film, const WriteImageOptio
 void set_metadata(ImageSpec& spec, const Film& film, const ImageMetadata& metadata, const WriteImageOptions& options) {
   const auto count = [&](const char* key, uint32_t value) { spec.attribute(key, TypeDesc::UINT32, &value); };
   spec.attribute("Software", "Spillway " + metadata.version);
+  spec.attribute("DateTime", "");  // else the library gives the clock's, and equal films would not be equal files
   spec.attribute("spillway:renderer", "Spillway");
   spec.attribute("spillway:version", metadata.version);
   spec.attribute("spillway:scene", metadata.scene);
