@@ -30,6 +30,7 @@ struct KernelRay {
   ptrdiff_t near_plane[3];  // where a node's planes that face the ray's origin begin, in bytes from `lower`
   ptrdiff_t far_plane[3];
   int kx, ky, kz;     // axes of the shear: kz is the largest of |direction|
+  float ox, oy, oz;   // the origin's coordinates along them
   float sx, sy;       // Woop et al. 2013, section 3.1
 
   KernelRay(Float3 o, Float3 d, float extent) : origin(o), direction(d) {
@@ -47,6 +48,7 @@ struct KernelRay {
     kx = kz == 2 ? 0 : kz + 1;
     ky = kx == 2 ? 0 : kx + 1;
     if (d[kz] < 0) std::swap(kx, ky);
+    ox = o[kx], oy = o[ky], oz = o[kz];
     sx = d[kx] / d[kz], sy = d[ky] / d[kz];
   }
 };
@@ -249,7 +251,7 @@ template <TraceMode mode>
 inline bool intersect_leaf(const TracePageView& page, uint32_t leaf_index, uint32_t instance, const KernelRay& ray,
                            float t_far, TraceHit& hit) {
   const TraceLeaf& leaf = page.leaves[leaf_index];
-  const __m128 ox = _mm_set1_ps(ray.origin[ray.kx]), oy = _mm_set1_ps(ray.origin[ray.ky]), oz = _mm_set1_ps(ray.origin[ray.kz]);
+  const __m128 ox = _mm_set1_ps(ray.ox), oy = _mm_set1_ps(ray.oy), oz = _mm_set1_ps(ray.oz);
   const __m128 sx = _mm_set1_ps(ray.sx), sy = _mm_set1_ps(ray.sy);
   const __m128 az = _mm_sub_ps(_mm_load_ps(leaf.vertex[0][ray.kz]), oz);
   const __m128 bz = _mm_sub_ps(_mm_load_ps(leaf.vertex[1][ray.kz]), oz);
