@@ -22,6 +22,8 @@ spillway_library(imath Imath/ImathMatrix.h Imath)
 target_include_directories(spillway::imath SYSTEM INTERFACE ${SPILLWAY_imath_INCLUDE}/Imath)
 spillway_library(openimageio OpenImageIO/imagecache.h OpenImageIO OpenImageIO_Util)
 target_link_libraries(spillway::openimageio INTERFACE spillway::imath)
+spillway_library(opensubdiv opensubdiv/far/primvarRefiner.h osdCPU)
+spillway_library(zlib zlib.h z)
 spillway_library(json nlohmann/json.hpp)
 spillway_library(cli11 CLI/CLI.hpp)
 

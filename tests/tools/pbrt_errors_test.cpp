@@ -240,7 +240,7 @@ TEST(pbrt_errors, lights_are_checked) {
 
 TEST(pbrt_errors, shapes_are_checked) {
   expect_errors({
-      {"WorldBegin Shape \"sphere\"", "scene.pbrt:1:18: shape \"sphere\" is not supported"},
+      {"WorldBegin Shape \"curve\"", "scene.pbrt:1:18: shape \"curve\" is not supported"},
       {"WorldBegin Shape \"trianglemesh\"", "scene.pbrt:1:12: trianglemesh without \"point3 P\""},
       {"WorldBegin Shape \"trianglemesh\" \"point3 P\" [0 0]",
        "scene.pbrt:1:33: \"P\" takes three numbers a vertex, not 2"},
@@ -251,7 +251,7 @@ TEST(pbrt_errors, shapes_are_checked) {
       {"WorldBegin Shape \"trianglemesh\" \"point3 P\" [0 0 0] \"integer indices\" [0 0 -1]",
        "scene.pbrt:1:52: \"indices\" names vertex -1"},
       {"WorldBegin Shape \"trianglemesh\" \"point3 P\" [0 0 0] \"integer indices\" [0 0]",
-       "scene.pbrt:1:52: \"indices\" takes three numbers a triangle, not 2"},
+       "scene.pbrt:1:52: \"indices\" takes 3 numbers a face, not 2"},
       {"WorldBegin Shape \"trianglemesh\" \"point3 P\" [0 0 0 1 0 0 0 1 0] \"normal N\" [0 0 1]",
        "scene.pbrt:1:64: \"normal N\" takes 9 values, not 3"},
       {"WorldBegin Shape \"plymesh\"", "scene.pbrt:1:12: plymesh without \"string filename\""},
@@ -293,7 +293,7 @@ TEST(pbrt_errors, lenient_leaves_out_what_can_be_left_out) {
   const std::string text =
       "Sprocket \"a\" \"float b\" [ 1 2 ] 3 true\nCamera \"perspective\" \"float fox\" 30\nWorldBegin\n"
       "MakeNamedMedium \"fog\" \"string type\" \"homogeneous\"\nMediumInterface \"fog\" \"\"\n"
-      "LightSource \"projection\"\nShape \"sphere\" \"float radius\" 3\nMaterial \"hair\"\n" +
+      "LightSource \"projection\"\nShape \"curve\" \"float radius\" 3\nMaterial \"hair\"\n" +
       std::string(kTriangle) + "Material \"interface\"\n" + std::string(kTriangle);
   EXPECT_EQ(import_text(text).error.substr(0, 15), "scene.pbrt:1:1:");
   const Imported imported = import_text(text, true);

@@ -368,7 +368,7 @@ class Importer {
     SPILLWAY_ASSIGN(const Token type, read_string_token(tokens, directive.text));
     SPILLWAY_ASSIGN(const ParamList params, params_with_attributes(tokens, kShapeTarget));
     if (!is_supported_shape(type.text)) {
-      return session_.ignorable(type.place, "shape {} is not supported yet: use \"trianglemesh\" or \"plymesh\"",
+      return session_.ignorable(type.place, "shape {} is not supported: make it a mesh",
                                 to_string(type));
     }
     if (!state_.material) {

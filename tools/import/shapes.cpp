@@ -1,8 +1,11 @@
 #include "tools/import/shapes.h"
 
 #include <cmath>
-#include <cstring>
-#include <limits>
+
+#include "tools/import/bilinear_mesh.h"
+#include "tools/import/loop_subdivision.h"
+#include "tools/import/quadrics.h"
+#include "tools/import/vertex_lists.h"
 
 namespace spillway::tools {
 namespace {
@@ -56,58 +59,20 @@ void rewind_against_normals(PlyMesh& mesh, float side) {
 
 // ---- reading ----
 
-template <class T>
-std::vector<T> vectors_of(const std::vector<float>& numbers) {
-  std::vector<T> vectors(numbers.size() / (sizeof(T) / sizeof(float)));
-  if (!vectors.empty()) std::memcpy(vectors.data(), numbers.data(), vectors.size() * sizeof(T));
-  return vectors;
-}
+// What a shape is read from, and what it is called in messages: its place, unless a file has a better name.
+struct ShapeSource {
+  Session& session;
+  const ParamList& params;
+  Place place;
+  const std::string& type;
+  std::string& name;
+};
 
-// One item a vertex, `width` numbers an item; absent is empty.
-Status read_per_vertex(const ParamList& params, ParamType type, std::string_view name, size_t width, size_t vertices,
-                       std::vector<float>& numbers) {
-  const Parameter* parameter = params.find(type, name);
-  if (parameter == nullptr) return {};
-  SPILLWAY_TRY(expect_count(*parameter, parameter->numbers.size(), width * vertices));
-  numbers = parameter->numbers;
-  return {};
-}
-
-Status read_indices(const ParamList& params, Place place, PlyMesh& mesh) {
-  const Parameter* indices = params.find(ParamType::integer, "indices");
-  if (indices == nullptr) {
-    if (mesh.positions.size() != 3) return error_at(place, "trianglemesh without \"integer indices\"");
-    mesh.indices = {0, 1, 2};
-    return {};
-  }
-  if (indices->integers.empty() || indices->integers.size() % 3 != 0) {
-    return error_at(indices->place, "\"indices\" takes three numbers a triangle, not {} in all",
-                    indices->integers.size());
-  }
-  mesh.indices.reserve(indices->integers.size());
-  for (const int32_t index : indices->integers) {
-    if (index < 0 || static_cast<size_t>(index) >= mesh.positions.size()) {
-      return error_at(indices->place, "\"indices\" names vertex {} of {}", index, mesh.positions.size());
-    }
-    mesh.indices.push_back(static_cast<uint32_t>(index));
-  }
-  return {};
-}
-
-Result<PlyMesh> read_trianglemesh(Session& session, const ParamList& params, Place place) {
+Result<PlyMesh> read_trianglemesh(const ShapeSource& source) {
+  const auto& [session, params, place, type, name] = source;
   PlyMesh mesh;
-  const Parameter* points = params.find(ParamType::point3, "P");
-  if (points == nullptr) return error_at(place, "trianglemesh without \"point3 P\"");
-  if (points->numbers.size() % 3 != 0) {
-    return error_at(points->place, "\"P\" takes three numbers a vertex, not {} in all", points->numbers.size());
-  }
-  mesh.positions = vectors_of<Float3>(points->numbers);
-  std::vector<float> normals, uvs;
-  SPILLWAY_TRY(read_per_vertex(params, ParamType::normal3, "N", 3, mesh.positions.size(), normals));
-  SPILLWAY_TRY(read_per_vertex(params, ParamType::point2, "uv", 2, mesh.positions.size(), uvs));
-  mesh.normals = vectors_of<Float3>(normals);
-  mesh.uvs = vectors_of<Float2>(uvs);
-  SPILLWAY_TRY(read_indices(params, place, mesh));
+  SPILLWAY_TRY(read_vertices(params, "trianglemesh", place, mesh));
+  SPILLWAY_TRY(read_corners(params, "trianglemesh", place, 3, mesh));
   if (const Parameter* tangents = params.find(ParamType::vector3, "S")) {
     session.warn(tangents->place, "tangents \"S\" are not used: they follow from uv");
   }
@@ -115,7 +80,8 @@ Result<PlyMesh> read_trianglemesh(Session& session, const ParamList& params, Pla
   return mesh;
 }
 
-Result<PlyMesh> read_plymesh(Session& session, const ParamList& params, Place place, std::string& name) {
+Result<PlyMesh> read_plymesh(const ShapeSource& source) {
+  const auto& [session, params, place, type, name] = source;
   const Parameter* file = params.find(ParamType::string, "filename");
   if (file == nullptr) return error_at(place, "plymesh without \"string filename\"");
   SPILLWAY_TRY(expect_count(*file, file->strings.size(), 1));
@@ -128,6 +94,28 @@ Result<PlyMesh> read_plymesh(Session& session, const ParamList& params, Place pl
   Result<PlyMesh> mesh = read_ply(session.resolved(name));
   if (!mesh) return error_at(file->place, "{}", mesh.error().message);
   return mesh;
+}
+
+Result<PlyMesh> read_quadric(const ShapeSource& source) { return dice_quadric(source.type, source.params, source.place); }
+
+struct ShapeReader {
+  std::string_view type;
+  Result<PlyMesh> (*read)(const ShapeSource&);
+};
+constexpr ShapeReader kShapeReaders[] = {
+    {"trianglemesh", read_trianglemesh},
+    {"plymesh", read_plymesh},
+    {"bilinearmesh", [](const ShapeSource& s) { return dice_bilinear_mesh(s.params, s.place); }},
+    {"loopsubdiv", [](const ShapeSource& s) { return subdivide_loop(s.params, s.place); }},
+    {"sphere", read_quadric},
+    {"disk", read_quadric},
+    {"cylinder", read_quadric},
+};
+
+const ShapeReader* find_reader(const std::string& type) {
+  for (const ShapeReader& reader : kShapeReaders)
+    if (reader.type == type) return &reader;
+  return nullptr;
 }
 
 Result<TextureId> read_alpha(TextureTable& textures, const ParamList& params, Place place) {
@@ -184,7 +172,7 @@ Status set_emission(Session& session, const ShapeState& state, Place place, Mesh
 
 }  // namespace
 
-bool is_supported_shape(const std::string& type) { return type == "trianglemesh" || type == "plymesh"; }
+bool is_supported_shape(const std::string& type) { return find_reader(type) != nullptr; }
 
 // pbrt's sides. Without vertex normals, the geometric normal is that of the winding, turned by ReverseOrientation, and
 // turned once more where the transform mirrors (the cross product of mirrored edges points inwards). With vertex
@@ -207,12 +195,7 @@ bool place_mesh(PlyMesh& mesh, const Transform& object_from_shape, bool reverse_
 Status add_shape(Session& session, TextureTable& textures, const std::string& type, const ParamList& params,
                  Place place, const ShapeState& state) {
   std::string name = to_string(place);
-  PlyMesh mesh;
-  if (type == "trianglemesh") {
-    SPILLWAY_ASSIGN(mesh, read_trianglemesh(session, params, place));
-  } else {
-    SPILLWAY_ASSIGN(mesh, read_plymesh(session, params, place, name));
-  }
+  SPILLWAY_ASSIGN(PlyMesh mesh, find_reader(type)->read({session, params, place, type, name}));
   MeshInput input;
   input.name = name;
   input.material = state.material;

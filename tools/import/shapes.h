@@ -1,6 +1,6 @@
 #pragma once
 
-// Shape: triangle meshes, from the scene's text or a PLY file, moved into the space of their object.
+// Shape: whatever a scene calls one, as triangles, moved into the space of their object.
 
 #include <memory>
 #include <optional>
