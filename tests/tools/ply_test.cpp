@@ -4,6 +4,7 @@
 
 #include <gtest/gtest.h>
 #include <unistd.h>
+#include <zlib.h>
 
 #include <algorithm>
 #include <cmath>
@@ -120,6 +121,37 @@ TEST_P(PlyFormats, every_flipped_bit_is_survived) {
     ASSERT_TRUE(mesh->uvs.empty() || mesh->uvs.size() == mesh->positions.size());
   }
   EXPECT_GT(refused, tried / 4);  // the header's; flipped coordinates are coordinates
+}
+
+std::string gzipped(const std::string& bytes) {
+  std::string packed(compressBound(bytes.size()) + 64, '\0');
+  z_stream stream{};
+  EXPECT_EQ(deflateInit2(&stream, 9, Z_DEFLATED, 15 + 16, 8, Z_DEFAULT_STRATEGY), Z_OK);  // 16: gzip's header
+  stream.next_in = reinterpret_cast<Bytef*>(const_cast<char*>(bytes.data()));
+  stream.avail_in = static_cast<uInt>(bytes.size());
+  stream.next_out = reinterpret_cast<Bytef*>(packed.data());
+  stream.avail_out = static_cast<uInt>(packed.size());
+  EXPECT_EQ(deflate(&stream, Z_FINISH), Z_STREAM_END);
+  packed.resize(stream.total_out);
+  deflateEnd(&stream);
+  return packed;
+}
+
+TEST_P(PlyFormats, gzipped_files_are_read_and_damaged_ones_refused) {
+  const std::string packed = gzipped(sample(GetParam()));
+  const auto read = [&](const std::string& bytes) { return read_ply(write_file("mesh.ply.gz", bytes)); };
+  const Result<PlyMesh> mesh = read(packed);
+  ASSERT_TRUE(mesh) << mesh.error().message;
+  EXPECT_EQ(mesh->indices, (std::vector<uint32_t>{0, 1, 2, 1, 2, 3, 1, 3, 4}));
+  for (size_t size = 0; size < packed.size(); ++size) EXPECT_FALSE(read(packed.substr(0, size))) << size;
+  for (size_t at = 10; at < packed.size(); ++at) {  // the first ten bytes hold a date and the like
+    std::string damaged = packed;
+    damaged[at] = static_cast<char>(damaged[at] ^ 0x10);
+    const Result<PlyMesh> other = read(damaged);
+    EXPECT_FALSE(other) << at;
+    EXPECT_TRUE(other || other.error().message.find("mesh.ply.gz") != std::string::npos);
+  }
+  EXPECT_FALSE(read(sample(GetParam())));
 }
 
 std::string ascii_file(const std::string& vertex_properties, const std::string& vertices,

@@ -1,6 +1,6 @@
 #pragma once
 
-// Reads triangle meshes from PLY files (Turk 1994): ascii, binary little and big endian.
+// Reads triangle meshes from PLY files (Turk 1994): ascii, binary little and big endian; also gzipped, as .ply.gz.
 //
 // Vertices: x y z; nx ny nz; u v, s t, texture_u texture_v or texture_s texture_t. Faces: the list vertex_indices or
 // vertex_index, of three corners, or of four, split into 0 1 2 and 0 2 3. Other properties and elements are skipped.

@@ -154,7 +154,12 @@ Result<PlyBytes> PlyBytes::open(const std::filesystem::path& file) {
   std::error_code code;
   bytes.size_ = std::filesystem::file_size(file, code);
   if (code) return error("{}: {}: check the path", bytes.name_, code.message());
-  bytes.stream_.reset(std::fopen(file.c_str(), "rb"));
+  if (file.extension() == ".gz") {
+    SPILLWAY_ASSIGN(UnpackedFile unpacked, gunzip(file));
+    bytes.stream_ = std::move(unpacked.stream), bytes.size_ = unpacked.size_bytes;
+  } else {
+    bytes.stream_.reset(std::fopen(file.c_str(), "rb"));
+  }
   if (!bytes.stream_) return error("{}: {}: check the path", bytes.name_, std::strerror(errno));
   bytes.piece_.resize(std::min(kPieceBytes, std::max<size_t>(bytes.size_, kMaxTake)));
   return bytes;

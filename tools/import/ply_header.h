@@ -3,20 +3,20 @@
 // The parts of read_ply: a file in pieces, and the header's meaning.
 
 #include <cstdint>
-#include <cstdio>
 #include <filesystem>
-#include <memory>
 #include <string>
 #include <string_view>
 #include <vector>
 
 #include "cache/base/result.h"
+#include "tools/import/gunzip.h"
 
 namespace spillway::tools {
 
 // A file read forward in pieces; knows its size and where it is.
 class PlyBytes {
  public:
+  // A file named .gz is unpacked first: offsets are those of what was in it.
   static Result<PlyBytes> open(const std::filesystem::path& file);
 
   [[nodiscard]] uint64_t offset() const { return offset_; }
@@ -31,14 +31,10 @@ class PlyBytes {
   int peek();
 
  private:
-  struct CloseFile {
-    void operator()(std::FILE* stream) const { std::fclose(stream); }
-  };
-
   bool fill(size_t count);  // makes `count` bytes available, if the file has them
 
   std::string name_;
-  std::unique_ptr<std::FILE, CloseFile> stream_;
+  FileStream stream_;
   uint64_t size_ = 0, offset_ = 0;
   std::vector<unsigned char> piece_;
   size_t first_ = 0, last_ = 0;
