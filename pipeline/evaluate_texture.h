@@ -36,7 +36,7 @@ class TextureEvaluator {
 
  private:
   void collect(uint32_t node, const TextureQuery& query, std::vector<cache::TextureRequest>& requests) const;
-  cache::Texel combine(uint32_t node, const cache::Texel*& next) const;
+  cache::Texel combine(uint32_t node, const TextureQuery& query, const cache::Texel*& next) const;
 
   std::span<const TextureNode> nodes_;
   cache::TextureCache* images_;

@@ -15,7 +15,7 @@ namespace spillway::pipeline {
 
 // ---- textures: a small graph; nodes come after the nodes they use ----
 
-enum class TextureKind : uint32_t { constant, image, scale, mix };
+enum class TextureKind : uint32_t { constant, image, scale, mix, checkerboard, bilerp };
 
 struct TextureNode {
   TextureKind kind = TextureKind::constant;
@@ -27,8 +27,20 @@ struct TextureNode {
   uint32_t is_float = 0;  // image: the mean of red, green and blue stands for all three
   float uv_scale[2] = {1, 1};  // st = uv * scale + offset
   float uv_offset[2] = {0, 0};
-  uint32_t child[3] = {TextureId::kNone, TextureId::kNone, TextureId::kNone};  // scale: a, b; mix: a, b, amount
+  // scale: a, b. mix: a, b, amount. checkerboard: where both cells are even or odd, elsewhere. bilerp: at st 00, 01, 10, 11.
+  uint32_t child[4] = {TextureId::kNone, TextureId::kNone, TextureId::kNone, TextureId::kNone};
 };
+
+// How many children a node of the kind has; they come before it.
+[[nodiscard]] constexpr uint32_t child_count(TextureKind kind) {
+  switch (kind) {
+    case TextureKind::scale:
+    case TextureKind::checkerboard: return 2;
+    case TextureKind::mix: return 3;
+    case TextureKind::bilerp: return 4;
+    default: return 0;
+  }
+}
 
 // A material parameter: a constant, or the texture node that gives it.
 struct Param {
@@ -39,13 +51,14 @@ struct Param {
 // ---- materials ----
 
 enum class MaterialKind : uint32_t {
-  diffuse, conductor, dielectric, thin_dielectric, coated_diffuse, coated_conductor, mix,
+  diffuse, conductor, dielectric, thin_dielectric, coated_diffuse, coated_conductor, diffuse_transmission, mix,
 };
 
 struct Material {
   MaterialKind kind = MaterialKind::diffuse;
   uint32_t remap_roughness = 1;           // alpha = sqrt(roughness)
   Param reflectance;                      // diffuse, coated_diffuse; conductor when uses_reflectance
+  Param transmittance;                    // diffuse_transmission
   uint32_t uses_reflectance = 0;          // conductor given by reflectance instead of eta and k
   Param u_roughness, v_roughness;         // of the surface, or of the coat of coated_*
   Param base_u_roughness, base_v_roughness;  // of the conductor below a coat
@@ -53,6 +66,7 @@ struct Material {
   float eta = 1.5f;                       // dielectric, coat
   float coat_internal_reflectance = 0;    // shading::internal_diffuse_reflectance(eta), set by the packer
   uint32_t displacement = TextureId::kNone;  // bump map, world units along the normal
+  uint32_t normal_map = TextureId::kNone;    // tangent space: (n + 1) / 2, z along the normal; never with displacement
   uint32_t mix_material[2] = {MaterialId::kNone, MaterialId::kNone};
   Param mix_amount;                       // 0 takes the first, 1 the second
 };
@@ -121,7 +135,7 @@ inline constexpr const char* kTracePagesFile = "pages.trace";
 inline constexpr const char* kAttributesFile = "attributes.blocks";
 inline constexpr const char* kTexturesDirectory = "textures";
 inline constexpr const char* kStoreKind = "SPWSTORE";
-inline constexpr uint32_t kStoreVersion = 1;
+inline constexpr uint32_t kStoreVersion = 2;
 
 // Section names of the manifest. Arrays of the struct named.
 namespace section {

@@ -276,6 +276,7 @@ Status check_settings(const SceneSettings& settings, std::string_view where) {
                  kLargestResolution);
   const float camera[] = {c.tan_half_fov_x, c.tan_half_fov_y, c.screen_center_x, c.screen_center_y,
                           c.lens_radius,    c.focal_distance, c.shutter_open,    c.shutter_close};
+  if (c.is_orthographic > 1) return error("{}: a camera of no known kind", where);
   if (!is_finite_transform(c.world_from_camera) || !all_finite(camera) || c.lens_radius < 0 || c.focal_distance <= 0)
     return error("{}: the camera has a number that is not finite or of the wrong sign", where);
   const shading::Filter& f = settings.filter;
@@ -298,22 +299,31 @@ Status check_settings(const SceneSettings& settings, std::string_view where) {
 }
 
 Status check_texture(const TextureNode& node, size_t index, size_t image_count, std::string_view where) {
-  if (node.kind > TextureKind::mix || node.wrap > cache::WrapMode::black || node.filter > cache::TexelFilter::trilinear)
+  if (node.kind > TextureKind::bilerp || node.wrap > cache::WrapMode::black || node.filter > cache::TexelFilter::trilinear)
     return error("{}: is of no known kind, wrap or filter", where);
   if (!all_finite(node.value) || !all_finite(node.uv_scale) || !all_finite(node.uv_offset))
     return error("{}: has a number that is not finite", where);
   if (node.kind == TextureKind::image && node.image >= image_count)
     return error("{}: uses image {} of {}", where, node.image, image_count);
-  const size_t child_count = node.kind == TextureKind::scale ? 2 : node.kind == TextureKind::mix ? 3 : 0;
-  for (size_t c = 0; c < child_count; ++c)
+  for (size_t c = 0; c < child_count(node.kind); ++c)
     if (node.child[c] >= index)
       return error("{}: uses texture {}; textures come after those they use", where, node.child[c]);
+  return {};
+}
+
+Status TextureCosts::add(const TextureNode& node, std::string_view where) {
+  uint64_t cost = 1;
+  for (uint32_t c = 0; c < child_count(node.kind); ++c) cost += costs_[node.child[c]];
+  if (cost > kMost)
+    return error("{}: asks for more than {} lookups, since textures below it are used again and again", where, kMost);
+  costs_.push_back(static_cast<uint32_t>(cost));
   return {};
 }
 
 Status check_material(const Material& material, size_t index, size_t texture_count, std::string_view where) {
   if (material.kind > MaterialKind::mix) return error("{}: is of no known kind", where);
   SPILLWAY_TRY(check_param(material.reflectance, texture_count, where, "reflectance"));
+  SPILLWAY_TRY(check_param(material.transmittance, texture_count, where, "transmittance"));
   SPILLWAY_TRY(check_param(material.u_roughness, texture_count, where, "u roughness"));
   SPILLWAY_TRY(check_param(material.v_roughness, texture_count, where, "v roughness"));
   SPILLWAY_TRY(check_param(material.base_u_roughness, texture_count, where, "base u roughness"));
@@ -324,6 +334,8 @@ Status check_material(const Material& material, size_t index, size_t texture_cou
   if (!std::isfinite(material.eta) || material.eta <= 0) return error("{}: an eta of {}", where, material.eta);
   if (!is_texture(material.displacement, texture_count))
     return error("{}: uses texture {} of {} as displacement", where, material.displacement, texture_count);
+  if (!is_texture(material.normal_map, texture_count))
+    return error("{}: uses texture {} of {} as normal map", where, material.normal_map, texture_count);
   if (material.kind != MaterialKind::mix) return {};
   for (const uint32_t part : material.mix_material)
     if (part >= index) return error("{}: mixes material {}; materials come after those they mix", where, part);
@@ -350,9 +362,12 @@ Status validate_tables(const StoreTables& t, std::string_view where) {
   if (t.settings.size() != 1) return damaged(where, section::kSettings, 0, "{} settings", t.settings.size());
   SPILLWAY_TRY(check_settings(t.settings[0], fmt::format("{}: section '{}'", where, section::kSettings)));
   SPILLWAY_TRY(validate_images(t, where));
-  for (size_t i = 0; i < t.textures.size(); ++i)
-    SPILLWAY_TRY(check_texture(t.textures[i], i, t.images.size(),
-                               fmt::format("{}: section '{}', item {}", where, section::kTextures, i)));
+  TextureCosts texture_costs;
+  for (size_t i = 0; i < t.textures.size(); ++i) {
+    const std::string item = fmt::format("{}: section '{}', item {}", where, section::kTextures, i);
+    SPILLWAY_TRY(check_texture(t.textures[i], i, t.images.size(), item));
+    SPILLWAY_TRY(texture_costs.add(t.textures[i], item));
+  }
   for (size_t i = 0; i < t.materials.size(); ++i)
     SPILLWAY_TRY(check_material(t.materials[i], i, t.textures.size(),
                                 fmt::format("{}: section '{}', item {}", where, section::kMaterials, i)));

@@ -4,6 +4,7 @@
 
 #include <filesystem>
 #include <string_view>
+#include <vector>
 
 #include "cache/base/result.h"
 #include "pipeline/store.h"
@@ -18,6 +19,16 @@ Status validate_files(const StoreTables& tables, const std::filesystem::path& di
 // Also used while packing, before anything is written. `where` names the item for the message.
 Status check_settings(const SceneSettings& settings, std::string_view where);
 Status check_texture(const TextureNode& node, size_t index, size_t image_count, std::string_view where);
+// What evaluating a texture costs, in nodes. Graphs share nodes: a short one may stand for a tree beyond all bounds.
+class TextureCosts {
+ public:
+  static constexpr uint64_t kMost = 65536;
+  // Of the next node, which check_texture has accepted.
+  Status add(const TextureNode& node, std::string_view where);
+
+ private:
+  std::vector<uint32_t> costs_;
+};
 Status check_material(const Material& material, size_t index, size_t texture_count, std::string_view where);
 // Finite numbers, a unit axis, a spot whose edges are in order.
 Status check_light(const shading::Light& light, std::string_view where);

@@ -230,6 +230,31 @@ BsdfSample sample_thin(float eta, Float3 i, float u_lobe) {
 
 Float3 flipped(Float3 w) { return {w.x, w.y, -w.z}; }
 
+// Which side, by its share (pbrt-v4, DiffuseTransmissionBxDF).
+float reflection_chance(const BsdfParams& b) {
+  const float r = max_component(b.reflectance), t = max_component(b.transmittance);
+  return r + t > 0 ? r / (r + t) : 0;
+}
+
+BsdfValue diffuse_transmission_value(const BsdfParams& b, Float3 o) {
+  const float chance = reflection_chance(b), cosine = std::fabs(o.z) / kPi;
+  if (o.z > 0) return {b.reflectance * cosine, chance * cosine};
+  return {b.transmittance * cosine, (1 - chance) * cosine};
+}
+
+BsdfSample sample_diffuse_transmission(const BsdfParams& b, Float2 u, float u_lobe) {
+  BsdfSample s;
+  s.is_transmission = u_lobe >= reflection_chance(b);
+  const Float3 o = cosine_hemisphere(u);
+  s.w_next_local = s.is_transmission ? flipped(o) : o;
+  if (!(o.z > 0)) return s;
+  const BsdfValue v = diffuse_transmission_value(b, s.w_next_local);
+  if (!(v.pdf_solid_angle > 0)) return s;
+  s.pdf_solid_angle = v.pdf_solid_angle;
+  s.weight = v.f_cos * (1 / v.pdf_solid_angle);
+  return s;
+}
+
 }  // namespace
 
 float internal_diffuse_reflectance(float eta) {
@@ -261,6 +286,7 @@ BsdfSample sample_bsdf(const BsdfParams& b, Float3 w_prev_local, Float2 u, float
     case BsdfKind::thin_dielectric: s = sample_thin(b.eta, i, u_lobe); break;
     case BsdfKind::coated_diffuse:
     case BsdfKind::coated_conductor: s = sample_coated(b, i, u, u_lobe); break;
+    case BsdfKind::diffuse_transmission: s = sample_diffuse_transmission(b, u, u_lobe); break;
   }
   if (below) s.w_next_local = flipped(s.w_next_local);
   return s;
@@ -273,6 +299,7 @@ BsdfValue evaluate_bsdf(const BsdfParams& b, Float3 w_prev_local, Float3 w_next_
   if (!(i.z > 0) || o.z == 0) return {};
   if (b.kind == BsdfKind::dielectric && !is_smooth(b.alpha_x, b.alpha_y))
     return dielectric_value(ggx(b.alpha_x, b.alpha_y), relative_eta(b, w_prev_local), i, o);
+  if (b.kind == BsdfKind::diffuse_transmission) return diffuse_transmission_value(b, o);
   return o.z > 0 ? opaque_value(b, i, o) : BsdfValue{};
 }
 
@@ -281,6 +308,7 @@ bool has_continuous_lobe(const BsdfParams& b) {
     case BsdfKind::none:
     case BsdfKind::thin_dielectric: return false;
     case BsdfKind::diffuse:
+    case BsdfKind::diffuse_transmission:
     case BsdfKind::coated_diffuse: return true;
     case BsdfKind::conductor:
     case BsdfKind::dielectric: return !is_smooth(b.alpha_x, b.alpha_y);
@@ -294,6 +322,7 @@ Rgb albedo_estimate(const BsdfParams& b, Float3 w_prev_local) {
   switch (b.kind) {
     case BsdfKind::none: return {0, 0, 0};
     case BsdfKind::diffuse: return b.reflectance;
+    case BsdfKind::diffuse_transmission: return b.reflectance + b.transmittance;
     case BsdfKind::conductor: return fresnel_conductor(cosine, b.conductor_eta, b.conductor_k);
     case BsdfKind::dielectric:
     case BsdfKind::thin_dielectric: return kWhite;

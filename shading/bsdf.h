@@ -19,6 +19,7 @@ enum class BsdfKind : uint8_t {
   thin_dielectric,   // a parallel slab without thickness: delta reflection and straight transmission
   coated_diffuse,    // dielectric coat over Lambert: F + (1-F_i)(1-F_o) rho / (pi eta^2 (1 - rho F_internal))
   coated_conductor,  // dielectric coat over a conductor: F + (1-F_i)(1-F_o) conductor; light lost between is not returned
+  diffuse_transmission,  // Lambert to both sides: reflectance where it comes from, transmittance beyond
 };
 
 // All numbers resolved: no textures, no handles.
@@ -28,6 +29,7 @@ struct BsdfParams {
   float base_alpha_x = 0, base_alpha_y = 0;  // of the conductor below a coat
   float eta = 1.5f;                          // relative index, inside over outside, of dielectric or coat
   Rgb reflectance{0, 0, 0};                  // diffuse albedo
+  Rgb transmittance{0, 0, 0};                // of diffuse_transmission
   Rgb conductor_eta{0, 0, 0}, conductor_k{0, 0, 0};
   float coat_internal_reflectance = 0;       // of coated_diffuse: internal_diffuse_reflectance(eta)
 };

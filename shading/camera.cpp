@@ -89,18 +89,20 @@ CameraRay camera_ray(const Camera& camera, Float2 p_raster_px, Float2 u_lens) {
   const auto width = static_cast<float>(camera.resolution_x_px), height = static_cast<float>(camera.resolution_y_px);
   const float x = camera.screen_center_x + camera.tan_half_fov_x * (2 * p_raster_px.x / width - 1);
   const float y = camera.screen_center_y + camera.tan_half_fov_y * (1 - 2 * p_raster_px.y / height);
-  Float3 origin{0, 0, 0}, direction{x, y, 1};
+  const bool parallel = camera.is_orthographic != 0;
+  Float3 origin = parallel ? Float3{x, y, 0} : Float3{0, 0, 0}, direction = parallel ? Float3{0, 0, 1} : Float3{x, y, 1};
   if (camera.lens_radius > 0) {
-    const Float2 lens = concentric_disk(u_lens) * camera.lens_radius;
-    origin = {lens.x, lens.y, 0};
-    direction = direction * camera.focal_distance - origin;
+    const Float2 disk = concentric_disk(u_lens) * camera.lens_radius;
+    const Float3 lens{disk.x, disk.y, 0};
+    origin += lens;
+    direction = direction * camera.focal_distance - lens;
   }
+  const float pixel = 2 * camera.tan_half_fov_y / height;  // its size, or its angle at the image's centre
   CameraRay ray;
   ray.origin_world = camera.world_from_camera.point(origin);
   ray.direction_world = normalize(camera.world_from_camera.vector(direction));
-  ray.cone_width = 0;
-  // The pixel's angle at the image's centre.
-  ray.cone_spread = 2 * camera.tan_half_fov_y / height;
+  ray.cone_width = parallel ? pixel : 0;
+  ray.cone_spread = parallel ? 0 : pixel;
   return ray;
 }
 

@@ -1,6 +1,6 @@
 #pragma once
 
-// Pixel filters by importance sampling with signed weights, and the perspective camera with a thin lens.
+// Pixel filters by importance sampling with signed weights; perspective and orthographic cameras with a thin lens.
 
 #include <cstdint>
 
@@ -38,12 +38,14 @@ class FilterSampler {
 // the aspect ratio unless given.
 struct Camera {
   Affine3 world_from_camera;
-  float tan_half_fov_x = 1, tan_half_fov_y = 1;  // of the screen window's half extents at z = 1
+  float tan_half_fov_x = 1, tan_half_fov_y = 1;  // of the screen window's half extents at z = 1; orthographic: these
   float screen_center_x = 0, screen_center_y = 0;
   float lens_radius = 0;
   float focal_distance = 1e6f;
   float shutter_open = 0, shutter_close = 1;
   uint32_t resolution_x_px = 1280, resolution_y_px = 720;
+  uint32_t is_orthographic = 0;
+  uint32_t reserved = 0;  // the store has no padding
 };
 
 struct CameraRay {

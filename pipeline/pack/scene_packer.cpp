@@ -127,7 +127,9 @@ Result<ImageId> ScenePacker::add_image(const fs::path& file, cache::TexelEncodin
 Result<TextureId> ScenePacker::add_texture(const TextureNode& node) {
   if (!state_) return state_.error();
   const size_t index = textures_.size();
-  const Status valid = check_texture(node, index, images_.size(), fmt::format("texture {}", index));
+  const std::string item = fmt::format("texture {}", index);
+  Status valid = check_texture(node, index, images_.size(), item);
+  if (valid) valid = texture_costs_.add(node, item);
   if (!valid) return fail<TextureId>(valid.error());
   textures_.push_back(node);
   return TextureId{static_cast<uint32_t>(index)};
@@ -309,7 +311,7 @@ std::string ScenePacker::name_lines() const {
 
 Status ScenePacker::write_manifest(const Packed& packed) {
   // No padding inside, whose bytes would be anything.
-  static_assert(sizeof(SceneSettings) == 192);
+  static_assert(sizeof(SceneSettings) == 200);
   settings_.statistics = statistics(packed);
   std::vector<Mesh> meshes;
   for (const SpooledMesh& mesh : scene_.meshes) meshes.push_back(mesh.row);

@@ -24,6 +24,7 @@
 #include "pipeline/pack/mesh_spool.h"
 #include "pipeline/pack/pack_images.h"
 #include "pipeline/pack/scene_sink.h"
+#include "pipeline/store_validation.h"
 
 namespace spillway::pipeline {
 
@@ -83,6 +84,7 @@ class ScenePacker final : public SceneSink {
   std::vector<ImageSource> images_;
   std::map<std::pair<std::string, cache::TexelEncoding>, ImageId> image_ids_;
   std::vector<TextureNode> textures_;
+  TextureCosts texture_costs_;
   std::vector<Material> materials_;
   std::vector<std::string> material_names_, object_names_;
   std::vector<shading::Light> lights_;

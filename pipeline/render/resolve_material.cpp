@@ -12,12 +12,13 @@ constexpr float kBumpStepWithoutFootprint = 0.0005f;
 constexpr uint32_t kMixDecision = 0xffffffffu;
 
 // A leaf's parameters by number, so that lookups and their use walk them in the same order.
-enum ParamSlot { kReflectance, kURoughness, kVRoughness, kBaseURoughness, kBaseVRoughness, kEta, kK, kParamSlots };
+enum ParamSlot { kReflectance, kTransmittance, kURoughness, kVRoughness, kBaseURoughness, kBaseVRoughness, kEta, kK, kParamSlots };
 using LeafParams = Rgb[kParamSlots];
 
 const Param& param(const Material& m, int slot) {
   switch (slot) {
     case kReflectance: return m.reflectance;
+    case kTransmittance: return m.transmittance;
     case kURoughness: return m.u_roughness;
     case kVRoughness: return m.v_roughness;
     case kBaseURoughness: return m.base_u_roughness;
@@ -49,6 +50,7 @@ shading::BsdfKind bsdf_kind(MaterialKind kind) {
     case MaterialKind::thin_dielectric: return shading::BsdfKind::thin_dielectric;
     case MaterialKind::coated_diffuse: return shading::BsdfKind::coated_diffuse;
     case MaterialKind::coated_conductor: return shading::BsdfKind::coated_conductor;
+    case MaterialKind::diffuse_transmission: return shading::BsdfKind::diffuse_transmission;
     case MaterialKind::mix: break;
   }
   return shading::BsdfKind::none;
@@ -62,6 +64,7 @@ shading::BsdfParams leaf_bsdf(const Material& m, const LeafParams& p) {
   b.eta = m.eta;
   if (b.kind == shading::BsdfKind::coated_diffuse) b.coat_internal_reflectance = m.coat_internal_reflectance;
   b.reflectance = unit(p[kReflectance]);
+  b.transmittance = unit(p[kTransmittance]);
   b.conductor_eta = p[kEta], b.conductor_k = p[kK];
   if (m.uses_reflectance) {
     b.conductor_eta = {1, 1, 1};
@@ -74,7 +77,7 @@ shading::BsdfParams leaf_bsdf(const Material& m, const LeafParams& p) {
 bool is_textured(const Material& m) {
   for (int slot = 0; slot < kParamSlots; ++slot)
     if (param(m, slot).texture != TextureId::kNone) return true;
-  return m.displacement != TextureId::kNone;
+  return m.displacement != TextureId::kNone || m.normal_map != TextureId::kNone;
 }
 
 float bump_step(const ShadingPoint& point) {
@@ -101,6 +104,14 @@ Float3 bumped_normal(const ShadingPoint& point, const cache::Texel* displacement
   const Float3 tilted = n * std::fabs(determinant) - gradient * (determinant < 0 ? -1.0f : 1.0f);
   const float squared = length_squared(tilted);
   return squared > 0 && std::isfinite(squared) ? tilted * (1 / std::sqrt(squared)) : n;
+}
+
+// The map's normal in the frame of the shading normal and dp/du (pbrt-v4, NormalMap); one that points nowhere is none.
+Float3 mapped_normal(const ShadingPoint& point, const cache::Texel& map) {
+  const Float3 local{2 * map.value[0] - 1, 2 * map.value[1] - 1, 2 * map.value[2] - 1};
+  const Float3 n = shading::frame_from_z_and_tangent(point.normal_shading, point.dpdu).world_from_local(local);
+  const float squared = length_squared(n);
+  return squared > 0 && std::isfinite(squared) ? n * (1 / std::sqrt(squared)) : point.normal_shading;
 }
 
 }  // namespace
@@ -184,6 +195,7 @@ Status MaterialResolver::resolve_leaves(std::span<SurfaceQuery> block, Scratch& 
       if (param(m, slot).texture != TextureId::kNone)
         scratch.queries.push_back({param(m, slot).texture, q.point->uv, q.point->width_uv});
     if (m.displacement != TextureId::kNone) add_bump_queries(m.displacement, *q.point, scratch.queries);
+    if (m.normal_map != TextureId::kNone) scratch.queries.push_back({m.normal_map, q.point->uv, q.point->width_uv});
   }
   if (scratch.pending.empty()) return {};
   scratch.values.resize(scratch.queries.size());
@@ -199,9 +211,11 @@ Status MaterialResolver::resolve_leaves(std::span<SurfaceQuery> block, Scratch& 
       if (textured) ++next;
     }
     q.values.bsdf = leaf_bsdf(m, p);
-    if (m.displacement == TextureId::kNone) continue;
-    q.values.normal_shading = bumped_normal(*q.point, next);
-    next += 3;
+    if (m.displacement != TextureId::kNone) {
+      q.values.normal_shading = bumped_normal(*q.point, next);
+      next += 3;
+    }
+    if (m.normal_map != TextureId::kNone) q.values.normal_shading = mapped_normal(*q.point, *next++);
   }
   return {};
 }

@@ -297,6 +297,20 @@ TEST_F(ScenePackerTest, references_to_nothing_are_refused) {
   });
 }
 
+// Twenty nodes, a million lookups.
+TEST_F(ScenePackerTest, textures_that_use_one_another_without_end_are_refused) {
+  auto packer = ScenePacker::create(directory_ / "a.store", {});
+  ASSERT_TRUE(packer);
+  Result<TextureId> last = (*packer)->add_texture({});
+  for (int i = 0; i < 20 && last; ++i) {
+    TextureNode node;
+    node.kind = TextureKind::scale, node.child[0] = node.child[1] = last->value;
+    last = (*packer)->add_texture(node);
+  }
+  ASSERT_FALSE(last);
+  EXPECT_NE(last.error().message.find("texture 15: asks for more than 65536 lookups"), std::string::npos) << last.error().message;
+}
+
 TEST_F(ScenePackerTest, a_scene_without_camera_or_with_an_absurd_one_is_refused) {
   auto packer = ScenePacker::create(directory_ / "a.store", {});
   ASSERT_TRUE(packer);

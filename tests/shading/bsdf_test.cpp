@@ -22,6 +22,7 @@ BsdfParams params(BsdfKind kind, float alpha_x, float alpha_y, float base_alpha 
   b.alpha_x = alpha_x, b.alpha_y = alpha_y;
   b.base_alpha_x = b.base_alpha_y = base_alpha;
   b.reflectance = {0.8f, 0.5f, 0.2f};
+  b.transmittance = {0.1f, 0.3f, 0.6f};
   b.conductor_eta = {0.2f, 0.9f, 1.1f}, b.conductor_k = {3.9f, 2.5f, 2.4f};
   b.coat_internal_reflectance = internal_diffuse_reflectance(b.eta);
   return b;
@@ -34,7 +35,8 @@ std::vector<Case> continuous_cases() {
           {"dielectric", params(BsdfKind::dielectric, 0.4f, 0.4f)},
           {"coated diffuse, rough", params(BsdfKind::coated_diffuse, 0.3f, 0.3f)},
           {"coated diffuse, smooth", params(BsdfKind::coated_diffuse, 0, 0)},
-          {"coated conductor", params(BsdfKind::coated_conductor, 0.25f, 0.25f)}};
+          {"coated conductor", params(BsdfKind::coated_conductor, 0.25f, 0.25f)},
+          {"diffuse transmission", params(BsdfKind::diffuse_transmission, 0, 0)}};
 }
 
 Float3 direction(float z, float phi) {
@@ -163,7 +165,7 @@ TEST(Bsdf, reflection_is_reciprocal) {
 
 TEST(Bsdf, nothing_returns_more_than_it_gets) {
   for (Case& c : continuous_cases()) {
-    c.bsdf.reflectance = {1, 1, 1};
+    c.bsdf.reflectance = {1, 1, 1}, c.bsdf.transmittance = {0, 0, 0};
     for (const Float3 w_prev : kFrom) {
       Uniform u;
       double sum = 0;
@@ -174,6 +176,28 @@ TEST(Bsdf, nothing_returns_more_than_it_gets) {
       }
       EXPECT_LT(sum / kSamples, 1.005) << c.name;
       EXPECT_TRUE(c.name != "diffuse" || std::fabs(sum / kSamples - 1) < 1e-6);
+    }
+  }
+}
+
+TEST(Bsdf, a_translucent_sheet_sends_each_share_to_its_side) {
+  const BsdfParams b = params(BsdfKind::diffuse_transmission, 0, 0);
+  for (const float side : {1.0f, -1.0f}) {
+    const Float3 w_prev = direction(0.6f * side, 2);
+    Uniform u;
+    double back = 0, through = 0;
+    constexpr int kSamples = 200000;
+    for (int i = 0; i < kSamples; ++i) {
+      const float x = u(), y = u();
+      const BsdfSample sample = sample_bsdf(b, w_prev, {x, y}, u());
+      ASSERT_EQ(sample.is_transmission, sample.w_next_local.z * side < 0);
+      (sample.is_transmission ? through : back) += sample.weight.g;
+    }
+    EXPECT_NEAR(back / kSamples, 0.5, 0.006);  // four standard errors
+    EXPECT_NEAR(through / kSamples, 0.3, 0.006);
+    for (int i = 0; i < 1000; ++i) {  // reciprocal across the sheet too
+      const Float3 a = direction(0.05f + 0.95f * u(), 6.28f * u()), c = direction(-0.05f - 0.95f * u(), 6.28f * u());
+      ASSERT_NEAR(evaluate_bsdf(b, a, c).f_cos.r / -c.z, evaluate_bsdf(b, c, a).f_cos.r / a.z, 1e-6);
     }
   }
 }

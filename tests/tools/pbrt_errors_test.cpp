@@ -178,14 +178,15 @@ TEST(pbrt_errors, materials_are_checked) {
   };
   expect_errors({
       {with("\"hair\""), "scene.pbrt:2:10: material type \"hair\" is not supported"},
-      {with("\"interface\""), "scene.pbrt:2:10: material \"interface\" bounds a medium"},
       {with("\"diffuse\" \"rgb reflectance\" [1 2 0]"), "scene.pbrt:2:20: \"reflectance\" must not be above 1"},
       {with("\"diffuse\" \"rgb reflectance\" [-1 0 0]"), "scene.pbrt:2:20: \"reflectance\" must not be negative"},
       {with("\"diffuse\" \"rgb reflectance\" [1 0]"), "scene.pbrt:2:20: \"rgb reflectance\" takes 3 values, not 2"},
       {with("\"diffuse\" \"float roughness\" 1"),
        "scene.pbrt:2:20: Material \"diffuse\" has no parameter \"float roughness\""},
-      {with("\"diffuse\" \"spectrum reflectance\" [400 1 700 1]"), "scene.pbrt:2:20: \"reflectance\" as a spectrum"},
-      {with("\"diffuse\" \"string normalmap\" \"n.png\""), "scene.pbrt:2:20: normal maps are not supported"},
+      {with("\"diffuse\" \"spectrum reflectance\" \"grass\""), "scene.pbrt:2:20: \"spectrum reflectance\" takes pairs"},
+      {with("\"diffuse\" \"string normalmap\" \"n.png\" \"float displacement\" 1"),
+       "scene.pbrt:2:20: a material takes \"normalmap\" or \"displacement\""},
+      {with("\"diffusetransmission\" \"float scale\" -1"), "scene.pbrt:2:10: \"scale\" must not be negative"},
       {with("\"conductor\" \"spectrum eta\" \"metal-Fe-eta\""), "scene.pbrt:2:22: unknown spectrum \"metal-Fe-eta\""},
       {with("\"conductor\" \"rgb reflectance\" [1 1 1] \"rgb k\" [1 1 1]"),
        "scene.pbrt:2:48: Material \"conductor\" has no parameter \"rgb k\", or has no use"},
@@ -298,8 +299,8 @@ TEST(pbrt_errors, lenient_leaves_out_what_can_be_left_out) {
   EXPECT_EQ(import_text(text).error.substr(0, 15), "scene.pbrt:1:1:");
   const Imported imported = import_text(text, true);
   EXPECT_EQ(imported.error, "");
-  EXPECT_EQ(imported.report.warning_count, 8u);
-  EXPECT_EQ(imported.sink.meshes.size(), 1u);  // the sphere and the interface are left out
+  EXPECT_EQ(imported.report.warning_count, 7u);
+  EXPECT_EQ(imported.sink.meshes.size(), 1u);  // the curve is left out, the interface is not seen
   ASSERT_EQ(imported.sink.materials.size(), 1u);
   EXPECT_EQ(imported.sink.materials[0].kind, pipeline::MaterialKind::diffuse);
 }

@@ -67,6 +67,51 @@ TEST(pbrt, materials_have_pbrts_defaults) {
   EXPECT_EQ(material_of("\"coatedconductor\"").kind, MaterialKind::coated_conductor);
 }
 
+TEST(pbrt, translucent_sheets_are_scaled_on_both_sides) {
+  const auto plain = material_of("\"diffusetransmission\"");
+  EXPECT_EQ(plain.kind, MaterialKind::diffuse_transmission);
+  EXPECT_EQ(plain.transmittance.constant.b, 0.25f);
+  const auto scaled = material_of("\"diffusetransmission\" \"rgb reflectance\" [0.5 0.25 0] \"float scale\" 0.5");
+  EXPECT_EQ(scaled.reflectance.constant.r, 0.25f);
+  EXPECT_EQ(scaled.transmittance.constant.r, 0.125f);
+}
+
+TEST(pbrt, a_reflectance_may_be_a_spectrum) {
+  const auto grey = material_of("\"diffuse\" \"spectrum reflectance\" [300 0.25 900 0.25]").reflectance.constant;
+  EXPECT_NEAR(grey.r, 0.25f, 1e-3f);
+  EXPECT_NEAR(grey.g, 0.25f, 1e-3f);
+  EXPECT_NEAR(grey.b, 0.25f, 1e-3f);
+  const auto red = material_of("\"diffuse\" \"spectrum reflectance\" [300 0 590 0 610 0.8 900 0.8]").reflectance.constant;
+  EXPECT_GT(red.r, 0.6f);
+  EXPECT_LT(std::max(red.g, red.b), 0.1f);
+}
+
+TEST(pbrt, normal_maps_are_linear_images) {
+  const Imported imported = import_world("Material \"diffuse\" \"string normalmap\" \"n.png\"\n" + kTri);
+  ASSERT_EQ(imported.error, "");
+  const pipeline::TextureNode& map = imported.sink.textures.at(imported.sink.materials.at(0).normal_map);
+  EXPECT_EQ(map.kind, TextureKind::image);
+  EXPECT_EQ(imported.sink.images.at(map.image).second, cache::TexelEncoding::linear);
+}
+
+TEST(pbrt, checkerboards_and_bilerps_have_pbrts_defaults) {
+  const Imported imported = import_world(
+      "Texture \"c\" \"spectrum\" \"checkerboard\" \"float uscale\" 8 \"rgb tex2\" [0.1 0.2 0.3]\n"
+      "Texture \"b\" \"float\" \"bilerp\" \"float v10\" 0.5\n"
+      "Material \"coateddiffuse\" \"texture reflectance\" \"c\" \"texture roughness\" \"b\"\n" + kTri);
+  ASSERT_EQ(imported.error, "");
+  const auto& textures = imported.sink.textures;
+  const pipeline::TextureNode& checker = textures.at(imported.sink.materials.at(0).reflectance.texture);
+  ASSERT_EQ(checker.kind, TextureKind::checkerboard);
+  EXPECT_EQ(checker.uv_scale[0], 8);
+  EXPECT_EQ(textures[checker.child[0]].value[2], 1);
+  EXPECT_EQ(textures[checker.child[1]].value[2], 0.3f);
+  const pipeline::TextureNode& bilerp = textures.at(imported.sink.materials.at(0).u_roughness.texture);
+  ASSERT_EQ(bilerp.kind, TextureKind::bilerp);
+  const float wanted[] = {0, 1, 0.5f, 1};
+  for (int c = 0; c < 4; ++c) EXPECT_EQ(textures[bilerp.child[c]].value[0], wanted[c]);
+}
+
 TEST(pbrt, roughness_is_for_both_axes_unless_they_are_given) {
   const auto one = material_of("\"dielectric\" \"float roughness\" 0.3 \"bool remaproughness\" false");
   EXPECT_EQ(one.u_roughness.constant.r, 0.3f);

@@ -205,6 +205,17 @@ TEST(pbrt, transform_replaces_and_concat_multiplies) {
   expect_near(imported.sink.meshes[2].positions[1], {1, 0, 0});
 }
 
+TEST(pbrt, an_orthographic_camera_sees_its_window) {
+  const auto camera = import_text(
+      "Camera \"orthographic\" \"float screenwindow\" [-2 6 -1 1]\nFilm \"rgb\" \"integer xresolution\" 400 "
+      "\"integer yresolution\" 100\nWorldBegin\n").sink.settings.camera;
+  EXPECT_EQ(camera.is_orthographic, 1u);
+  EXPECT_EQ(camera.tan_half_fov_x, 4);
+  EXPECT_EQ(camera.tan_half_fov_y, 1);
+  EXPECT_EQ(camera.screen_center_x, 2);
+  EXPECT_TRUE(starts_with(import_text("Camera \"orthographic\" \"float fov\" 30\nWorldBegin").error, "scene.pbrt:1:"));
+}
+
 TEST(pbrt, scopes_keep_what_is_inside_inside) {
   const Imported imported = import_world(
       "AttributeBegin\n Translate 1 0 0 ReverseOrientation Material \"conductor\" AreaLightSource \"diffuse\"\n" +

@@ -24,6 +24,7 @@ constexpr std::array kKindNames = {
     KindName{"thindielectric", MaterialKind::thin_dielectric},
     KindName{"coateddiffuse", MaterialKind::coated_diffuse},
     KindName{"coatedconductor", MaterialKind::coated_conductor},
+    KindName{"diffusetransmission", MaterialKind::diffuse_transmission},
     KindName{"mix", MaterialKind::mix},
 };
 
@@ -95,11 +96,8 @@ Result<MaterialId> MaterialTable::use(MaterialDefinition& definition) {
 }
 
 Result<MaterialId> MaterialTable::send(const MaterialDefinition& definition) {
-  if (definition.type == "interface" || definition.type.empty() || definition.type == "none") {
-    SPILLWAY_TRY(session_.ignorable(definition.place,
-                                    "material \"interface\" bounds a medium, and media are not supported yet"));
-    return MaterialId{};
-  }
+  // Bounds a medium, and is not seen itself. Media are refused where they are named.
+  if (definition.type == "interface" || definition.type.empty() || definition.type == "none") return MaterialId{};
   Material material;
   if (find_kind(definition.type) == nullptr) {
     SPILLWAY_TRY(session_.ignorable(definition.place,
@@ -144,6 +142,9 @@ Result<Material> MaterialTable::read(const MaterialDefinition& definition) {
       SPILLWAY_TRY(read_roughness(params, "conductor.", material.base_u_roughness, material.base_v_roughness));
       SPILLWAY_TRY(read_coat(params, "interface.", material));
       break;
+    case MaterialKind::diffuse_transmission:
+      SPILLWAY_TRY(read_diffuse_transmission(definition, material));
+      break;
     case MaterialKind::mix:
       SPILLWAY_TRY(read_mix(definition, material));
       return material;
@@ -153,21 +154,36 @@ Result<Material> MaterialTable::read(const MaterialDefinition& definition) {
 }
 
 Status MaterialTable::read_common(const ParamList& params, Material& material) {
-  if (material.kind != MaterialKind::diffuse && material.kind != MaterialKind::thin_dielectric) {
+  const bool has_roughness = material.kind != MaterialKind::diffuse && material.kind != MaterialKind::thin_dielectric &&
+                             material.kind != MaterialKind::diffuse_transmission;
+  if (has_roughness) {
     SPILLWAY_ASSIGN(const bool remap, params.boolean("remaproughness", true));
     material.remap_roughness = remap;
   }
   SPILLWAY_ASSIGN(const std::optional<Param> displacement, textures_.real_param(params, "displacement"));
   if (displacement) material.displacement = displacement->texture;  // a constant one tilts nothing
-  if (const Parameter* map = params.find(ParamType::string, "normalmap")) {
-    return session_.ignorable(map->place, "normal maps are not supported yet: remove \"normalmap\"");
-  }
+  const Parameter* map = params.find(ParamType::string, "normalmap");
+  if (map == nullptr) return {};
+  if (displacement) return error_at(map->place, "a material takes \"normalmap\" or \"displacement\", not both");
+  SPILLWAY_ASSIGN(const TextureId id, textures_.add_normal_map(*map));
+  material.normal_map = id.value;
   return {};
 }
 
 Status MaterialTable::read_diffuse(const ParamList& params, Material& material) {
   SPILLWAY_ASSIGN(const std::optional<Param> reflectance, textures_.rgb_param(params, "reflectance", RgbRange::albedo));
   material.reflectance = reflectance.value_or(constant(0.5f));
+  return {};
+}
+
+Status MaterialTable::read_diffuse_transmission(const MaterialDefinition& definition, Material& material) {
+  const ParamList& params = definition.params;
+  SPILLWAY_ASSIGN(const std::optional<Param> back, textures_.rgb_param(params, "reflectance", RgbRange::albedo));
+  SPILLWAY_ASSIGN(const std::optional<Param> through, textures_.rgb_param(params, "transmittance", RgbRange::albedo));
+  SPILLWAY_ASSIGN(const float scale, params.real("scale", 1));
+  if (!(scale >= 0)) return error_at(definition.place, "\"scale\" must not be negative");
+  SPILLWAY_ASSIGN(material.reflectance, textures_.scaled(back.value_or(constant(0.25f)), scale, definition.place));
+  SPILLWAY_ASSIGN(material.transmittance, textures_.scaled(through.value_or(constant(0.25f)), scale, definition.place));
   return {};
 }
 

@@ -38,6 +38,7 @@ class MaterialTable {
  private:
   Result<MaterialId> send(const MaterialDefinition& definition);
   Result<pipeline::Material> read(const MaterialDefinition& definition);
+  Status read_diffuse_transmission(const MaterialDefinition& definition, pipeline::Material& material);
   Status read_diffuse(const ParamList& params, pipeline::Material& material);
   Status read_conductor(const MaterialDefinition& definition, std::string_view prefix, pipeline::Material& material);
   Status read_dielectric(const ParamList& params, pipeline::Material& material);

@@ -122,18 +122,23 @@ Status read_shutter(const Waiting& waiting, shading::Camera& camera) {
 }
 
 Status read_camera(Session& session, const Waiting& waiting, shading::Camera& camera) {
-  if (waiting.type != "perspective") {
-    return error_at(waiting.place, "camera \"{}\" is not supported: use \"perspective\"", waiting.type);
+  camera.is_orthographic = waiting.type == "orthographic";
+  if (waiting.type != "perspective" && !camera.is_orthographic) {
+    return error_at(waiting.place, "camera \"{}\" is not supported: use \"perspective\" or \"orthographic\"",
+                    waiting.type);
   }
   const ParamList& params = waiting.params;
   std::array<float, 4> window{};
   SPILLWAY_TRY(read_screen(waiting, camera, window));
-  SPILLWAY_ASSIGN(const float fov_deg, params.real("fov", 90));
-  if (!(fov_deg > 0 && fov_deg < 180)) {
-    return error_at(place_of(params, ParamType::real, "fov", waiting.place),
-                    "\"fov\" must be between 0 and 180 degrees");
+  float tangent = 1;  // of an orthographic camera the window is what is seen
+  if (!camera.is_orthographic) {
+    SPILLWAY_ASSIGN(const float fov_deg, params.real("fov", 90));
+    if (!(fov_deg > 0 && fov_deg < 180)) {
+      return error_at(place_of(params, ParamType::real, "fov", waiting.place),
+                      "\"fov\" must be between 0 and 180 degrees");
+    }
+    tangent = static_cast<float>(std::tan(fov_deg * (M_PI / 360)));
   }
-  const float tangent = static_cast<float>(std::tan(fov_deg * (M_PI / 360)));
   camera.tan_half_fov_x = tangent * (window[1] - window[0]) / 2;
   camera.tan_half_fov_y = tangent * (window[3] - window[2]) / 2;
   camera.screen_center_x = tangent * (window[0] + window[1]) / 2;
@@ -143,7 +148,7 @@ Status read_camera(Session& session, const Waiting& waiting, shading::Camera& ca
   if (!(camera.lens_radius >= 0 && camera.focal_distance > 0)) {
     return error_at(waiting.place, "\"lensradius\" must be at least 0, \"focaldistance\" above 0");
   }
-  return params.check_all_used(session, "Camera \"perspective\"");
+  return params.check_all_used(session, fmt::format("Camera \"{}\"", waiting.type));
 }
 
 // ---- filter ----

@@ -135,6 +135,13 @@ Status send(Session& session, const MeshInput& input, Place place) {
   return {};
 }
 
+// One radiance for a shape that is one light of pbrt's.
+float radiance_factor(const PlyMesh& mesh, const AreaEmission& emission) {
+  double area = 0;
+  for (size_t t = 0; t < mesh.indices.size() / 3; ++t) area += length(area_vector(mesh, t)) / 2;
+  return static_cast<float>(emission.power / (M_PI * area * (emission.two_sided ? 2 : 1)));
+}
+
 // pbrt makes a light of each triangle and gives each the whole power, so that radiance differs between them: one mesh
 // a triangle says the same.
 Status send_by_power(Session& session, const PlyMesh& mesh, MeshInput input, const AreaEmission& emission,
@@ -205,7 +212,12 @@ Status add_shape(Session& session, TextureTable& textures, const std::string& ty
   SPILLWAY_TRY(params.check_all_used(session, fmt::format("Shape \"{}\"", type)));
   input.flip_normals = place_mesh(mesh, state.object_from_shape, state.reverse_orientation);
   input.positions = mesh.positions, input.normals = mesh.normals, input.uvs = mesh.uvs, input.indices = mesh.indices;
-  if (input.emits && state.emission->power > 0) return send_by_power(session, mesh, input, *state.emission, place);
+  if (input.emits && state.emission->power > 0) {
+    if (type == "trianglemesh" || type == "plymesh" || type == "loopsubdiv")
+      return send_by_power(session, mesh, input, *state.emission, place);
+    if (type == "bilinearmesh") return error_at(place, "a bilinearmesh with \"power\" is not supported: give its \"L\"");
+    input.emission = input.emission * radiance_factor(mesh, *state.emission);
+  }
   return send(session, input, place);
 }
 

@@ -107,6 +107,16 @@ std::optional<Rgb> light_rgb(std::span<const float> pairs) {
   return unit_luminance_rgb(xyz);
 }
 
+Rgb reflectance_rgb(std::span<const float> pairs) {
+  const Xyz all = integrate([](int) { return 1.0; });
+  const Xyz c = integrate([&](int wavelength_nm) { return spectrum_at(pairs, static_cast<float>(wavelength_nm)); });
+  // The white point of IEC 61966-2-1, which the matrix takes to (1, 1, 1).
+  const double x = c.x / all.x * 0.9505, y = c.y / all.y, z = c.z / all.z * 1.0890;
+  const auto clamped = [](double v) { return static_cast<float>(std::clamp(v, 0.0, 1.0)); };
+  return {clamped(3.2406 * x - 1.5372 * y - 0.4986 * z), clamped(-0.9689 * x + 1.8758 * y + 0.0415 * z),
+          clamped(0.0557 * x - 0.2040 * y + 1.0570 * z)};
+}
+
 std::optional<Rgb> metal_rgb(std::string_view name) {
   constexpr std::string_view kPrefix = "metal-";
   if (!name.starts_with(kPrefix)) return std::nullopt;

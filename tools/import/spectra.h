@@ -23,6 +23,10 @@ inline constexpr float kGlassWavelength_nm = 587.56f;
 // None when nothing of it is visible.
 [[nodiscard]] std::optional<Rgb> light_rgb(std::span<const float> pairs);
 
+// A reflectance under the colour space's white: each of X, Y and Z as a share of what a perfect white would give. Grey
+// stays grey; brought into the gamut.
+[[nodiscard]] Rgb reflectance_rgb(std::span<const float> pairs);
+
 // "metal-Ag-eta", "metal-Ag-k" and so on: at the three wavelengths above.
 [[nodiscard]] std::optional<Rgb> metal_rgb(std::string_view name);
 // "glass-BK7" and so on: at the d line.

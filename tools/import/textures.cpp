@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <array>
 
+#include "tools/import/spectra.h"
+
 namespace spillway::tools {
 namespace {
 
@@ -79,7 +81,9 @@ void set_rgb(TextureNode& node, Rgb value) {
 
 Result<std::optional<Rgb>> read_rgb(const ParamList& params, std::string_view name, RgbRange range) {
   if (const Parameter* spectrum = params.find(ParamType::spectrum, name)) {
-    return error_at(spectrum->place, "\"{}\" as a spectrum is not supported here: give it as rgb", name);
+    if (spectrum->strings.empty() && spectrum->numbers.size() >= 4 && spectrum->numbers.size() % 2 == 0)
+      return std::optional<Rgb>(reflectance_rgb(spectrum->numbers));
+    return error_at(spectrum->place, "\"spectrum {}\" takes pairs of wavelength (nm) and value here", name);
   }
   const Parameter* parameter = params.find(ParamType::rgb, name);
   if (parameter == nullptr) return std::optional<Rgb>();
@@ -137,9 +141,14 @@ Result<TextureId> TextureTable::send(TextureValue value, const std::string& name
     SPILLWAY_ASSIGN(node, scale_node(value, definition));
   } else if (definition.type == "mix") {
     SPILLWAY_ASSIGN(node, mix_node(value, definition));
+  } else if (definition.type == "checkerboard") {
+    SPILLWAY_ASSIGN(node, checkerboard_node(value, definition));
+  } else if (definition.type == "bilerp") {
+    SPILLWAY_ASSIGN(node, bilerp_node(value, definition));
   } else {
     return error_at(definition.place,
-                    "texture type \"{}\" of \"{}\" is not supported: use constant, imagemap, scale or mix",
+                    "texture type \"{}\" of \"{}\" is not supported: use constant, imagemap, scale, mix, checkerboard "
+                    "or bilerp",
                     definition.type, name);
   }
   SPILLWAY_TRY(definition.params.check_all_used(session_, fmt::format("Texture \"{}\"", definition.type)));
@@ -171,16 +180,12 @@ Result<TextureNode> TextureTable::constant_node(TextureValue value, const Defini
   return node;
 }
 
-Result<ImageId> TextureTable::add_image(const Definition& definition) {
-  const Parameter* parameter = definition.params.find(ParamType::string, "filename");
-  if (parameter == nullptr) return error_at(definition.place, "imagemap without \"string filename\"");
-  SPILLWAY_TRY(expect_count(*parameter, parameter->strings.size(), 1));
-  const std::filesystem::path file = session_.resolved(parameter->strings[0]);
-  SPILLWAY_ASSIGN(const cache::TexelEncoding encoding, read_encoding(definition.params, parameter->strings[0]));
+Result<ImageId> TextureTable::add_image(const Parameter& parameter, cache::TexelEncoding encoding) {
+  const std::filesystem::path file = session_.resolved(parameter.strings[0]);
   const auto [at, is_new] = images_.try_emplace({file.lexically_normal().string(), encoding});
   if (!is_new) return at->second;
   Result<ImageId> id = session_.sink.add_image(file, encoding);
-  if (!id) return error_at(parameter->place, "{}", id.error().message);
+  if (!id) return error_at(parameter.place, "{}", id.error().message);
   at->second = *id;
   ++session_.report.image_count;
   return id;
@@ -197,7 +202,11 @@ Result<TextureNode> TextureTable::image_node(const Definition& definition) {
   SPILLWAY_ASSIGN(const bool invert, params.boolean("invert", false));
   node.invert = invert;
   SPILLWAY_TRY(read_mapping(params, node));
-  SPILLWAY_ASSIGN(const ImageId image, add_image(definition));
+  const Parameter* file = params.find(ParamType::string, "filename");
+  if (file == nullptr) return error_at(definition.place, "imagemap without \"string filename\"");
+  SPILLWAY_TRY(expect_count(*file, file->strings.size(), 1));
+  SPILLWAY_ASSIGN(const cache::TexelEncoding encoding, read_encoding(params, file->strings[0]));
+  SPILLWAY_ASSIGN(const ImageId image, add_image(*file, encoding));
   node.image = image.value;
   return node;
 }
@@ -231,6 +240,51 @@ Result<TextureNode> TextureTable::mix_node(TextureValue value, const Definition&
   SPILLWAY_ASSIGN(node.child[1], child(value, definition, "tex2", 1));
   SPILLWAY_ASSIGN(node.child[2], child(TextureValue::real, definition, "amount", 0.5f));
   return node;
+}
+
+// pbrt's two dimensions, that is squares in uv; cells of solid checkerboards would need places.
+Result<TextureNode> TextureTable::checkerboard_node(TextureValue value, const Definition& definition) {
+  SPILLWAY_ASSIGN(const int32_t dimension, definition.params.integer("dimension", 2));
+  if (dimension != 2) return error_at(definition.place, "a checkerboard of {} dimensions is not supported: use 2", dimension);
+  TextureNode node;
+  node.kind = TextureKind::checkerboard;
+  SPILLWAY_TRY(read_mapping(definition.params, node));
+  SPILLWAY_ASSIGN(node.child[0], child(value, definition, "tex1", 1));
+  SPILLWAY_ASSIGN(node.child[1], child(value, definition, "tex2", 0));
+  return node;
+}
+
+Result<TextureNode> TextureTable::bilerp_node(TextureValue value, const Definition& definition) {
+  TextureNode node;
+  node.kind = TextureKind::bilerp;
+  SPILLWAY_TRY(read_mapping(definition.params, node));
+  SPILLWAY_ASSIGN(node.child[0], child(value, definition, "v00", 0));
+  SPILLWAY_ASSIGN(node.child[1], child(value, definition, "v01", 1));
+  SPILLWAY_ASSIGN(node.child[2], child(value, definition, "v10", 0));
+  SPILLWAY_ASSIGN(node.child[3], child(value, definition, "v11", 1));
+  return node;
+}
+
+Result<Param> TextureTable::scaled(const Param& param, float scale, const Place& place) {
+  if (param.texture == TextureId::kNone) return Param{param.constant * scale, TextureId::kNone};
+  if (scale == 1) return param;
+  TextureNode node;
+  node.kind = TextureKind::scale;
+  node.child[0] = param.texture;
+  SPILLWAY_ASSIGN(const TextureId factor, add_constant({scale, scale, scale}, place));
+  node.child[1] = factor.value;
+  SPILLWAY_ASSIGN(const TextureId id, add_node(node, place));
+  return Param{{}, id.value};
+}
+
+Result<TextureId> TextureTable::add_normal_map(const Parameter& file) {
+  SPILLWAY_TRY(expect_count(file, file.strings.size(), 1));
+  TextureNode node;
+  node.kind = TextureKind::image;
+  set_rgb(node, {1, 1, 1});
+  SPILLWAY_ASSIGN(const ImageId image, add_image(file, cache::TexelEncoding::linear));
+  node.image = image.value;
+  return add_node(node, file.place);
 }
 
 Result<std::optional<Param>> TextureTable::real_param(const ParamList& params, std::string_view name) {

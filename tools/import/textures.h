@@ -36,6 +36,10 @@ class TextureTable {
   // A material's parameter, given as a value or as a texture; none when absent.
   Result<std::optional<pipeline::Param>> real_param(const ParamList& params, std::string_view name);
   Result<std::optional<pipeline::Param>> rgb_param(const ParamList& params, std::string_view name, RgbRange range);
+  Result<pipeline::Param> scaled(const pipeline::Param& param, float scale, const Place& place);
+
+  // The file that a material names as its normal map: linear, whatever its format.
+  Result<TextureId> add_normal_map(const Parameter& file);
 
  private:
   struct Definition {
@@ -53,7 +57,9 @@ class TextureTable {
   Result<pipeline::TextureNode> image_node(const Definition& definition);
   Result<pipeline::TextureNode> scale_node(TextureValue value, const Definition& definition);
   Result<pipeline::TextureNode> mix_node(TextureValue value, const Definition& definition);
-  Result<ImageId> add_image(const Definition& definition);
+  Result<pipeline::TextureNode> checkerboard_node(TextureValue value, const Definition& definition);
+  Result<pipeline::TextureNode> bilerp_node(TextureValue value, const Definition& definition);
+  Result<ImageId> add_image(const Parameter& parameter, cache::TexelEncoding encoding);
   Result<uint32_t> child(TextureValue value, const Definition& definition, std::string_view name, float otherwise);
 
   Session& session_;
