@@ -308,7 +308,7 @@ TEST_F(ScenePackerTest, textures_that_use_one_another_without_end_are_refused) {
     last = (*packer)->add_texture(node);
   }
   ASSERT_FALSE(last);
-  EXPECT_NE(last.error().message.find("texture 15: asks for more than 65536 lookups"), std::string::npos) << last.error().message;
+  EXPECT_NE(last.error().message.find("texture 16: asks for more than 65536 lookups"), std::string::npos) << last.error().message;
 }
 
 TEST_F(ScenePackerTest, a_scene_without_camera_or_with_an_absurd_one_is_refused) {
