@@ -234,8 +234,6 @@ TEST(pbrt_errors, lights_are_checked) {
       {"WorldBegin AreaLightSource \"projective\"", "scene.pbrt:1:28: area light \"projective\""},
       {"WorldBegin AreaLightSource \"diffuse\" \"string filename\" \"a\"",
        "scene.pbrt:1:38: area lights with an image"},
-      {"WorldBegin ObjectBegin \"o\" AreaLightSource \"diffuse\"\n" + std::string(kTriangle),
-       "scene.pbrt:2:1: area lights inside objects are not supported yet"},
   });
 }
 

@@ -110,6 +110,15 @@ TEST(shapes, mirrored_spheres_keep_their_outside_and_reversed_ones_lose_it) {
   EXPECT_FALSE(side_of("ReverseOrientation Scale -1 1 2"));
 }
 
+TEST(shapes, a_sphere_of_a_given_power_has_it_as_a_whole) {
+  const Imported imported =
+      import_world("AreaLightSource \"diffuse\" \"rgb L\" [1 0.5 0.25] \"float power\" 100 Shape \"sphere\" \"float radius\" 3");
+  ASSERT_EQ(imported.sink.meshes.size(), 1u);
+  const RecordedMesh& mesh = imported.sink.meshes[0];
+  EXPECT_NEAR(mesh.input.emission.r * M_PI * area(mesh), 100, 1e-3);
+  EXPECT_FLOAT_EQ(mesh.input.emission.b, mesh.input.emission.r / 4);
+}
+
 TEST(shapes, quadrics_that_are_none_are_refused) {
   for (const char* shape : {"\"sphere\" \"float radius\" 0", "\"sphere\" \"float zmin\" 2 \"float zmax\" 3",
                             "\"sphere\" \"float phimax\" 0", "\"cylinder\" \"float zmin\" 1", "\"disk\" \"float radius\" -1",

@@ -48,7 +48,8 @@ struct OpenScope {
 struct Object {
   uint32_t index = 0;
   Place place;
-  uint64_t mesh_count = 0;
+  uint64_t mesh_count = 0;           // of what does not emit
+  std::vector<ReadShape> emitters;   // shapes of the world, once for each instance: every light has its place
 };
 
 enum class Where : uint8_t { options, world, anywhere };
@@ -377,8 +378,14 @@ class Importer {
     ShapeState shape_state{state_.transform, state_.reverse_orientation, {}, state_.emission, 0};
     SPILLWAY_ASSIGN(shape_state.material, materials_.use(*state_.material));
     if (!shape_state.material.valid()) return {};  // has no surface
-    if (object_ != nullptr) shape_state.object = object_->index, ++object_->mesh_count;
-    return add_shape(session_, textures_, type.text, params, directive.place, shape_state);
+    SPILLWAY_ASSIGN(ReadShape shape, read_shape(session_, textures_, type.text, params, directive.place, shape_state));
+    if (object_ == nullptr) return send_shape(session_, std::move(shape));
+    if (shape.emits()) {
+      object_->emitters.push_back(std::move(shape));
+      return {};
+    }
+    shape.state.object = object_->index, ++object_->mesh_count;
+    return send_shape(session_, std::move(shape));
   }
 
   Status object_begin(Tokenizer& tokens, const Token& directive) {
@@ -413,12 +420,19 @@ class Importer {
     if (at == objects_.end()) {
       return error_at(name.place, "there is no object {}: define it before its first instance", to_string(name));
     }
-    if (at->second.mesh_count == 0) {
+    const Object& object = at->second;
+    if (object.mesh_count == 0 && object.emitters.empty()) {
       session_.warn(name.place, "object {} holds nothing: the instance is left out", to_string(name));
       return {};
     }
-    const Status added = session_.sink.add_instance(at->second.index, state_.transform.affine());
-    if (!added) return error_at(directive.place, "{}", added.error().message);
+    if (object.mesh_count > 0) {
+      const Status added = session_.sink.add_instance(object.index, state_.transform.affine());
+      if (!added) return error_at(directive.place, "{}", added.error().message);
+    }
+    for (ReadShape emitter : object.emitters) {
+      emitter.state.object_from_shape = state_.transform * emitter.state.object_from_shape;
+      SPILLWAY_TRY(send_shape(session_, std::move(emitter)));
+    }
     ++session_.report.instance_count;
     return {};
   }

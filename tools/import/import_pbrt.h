@@ -5,7 +5,7 @@
 // In: a .pbrt file and what it includes. Out: calls of the sink, children before what uses them: settings (at
 // WorldBegin), images, textures and materials (when the first shape uses them), lights, objects, meshes, instances.
 // finish() is left to the caller.
-// Memory: one mesh, and the named materials and textures.
+// Memory: one mesh, the emitting meshes of objects, and the named materials and textures.
 // Fails: `file:line:column: what, and what to do`; the sink has then heard a part of the scene and must be dropped.
 // The text of a scene is a stranger's: no input may crash the importer or make it use memory out of proportion.
 

@@ -165,18 +165,6 @@ Status send_by_power(Session& session, const PlyMesh& mesh, MeshInput input, con
   return {};
 }
 
-Status set_emission(Session& session, const ShapeState& state, Place place, MeshInput& input) {
-  if (!state.emission || is_black(state.emission->radiance)) return {};
-  if (state.object != 0) {
-    return session.ignorable(place,
-                             "area lights inside objects are not supported yet: take the shape out of ObjectBegin");
-  }
-  input.emits = true;
-  input.emission = state.emission->radiance;
-  input.emits_two_sided = state.emission->two_sided;
-  return {};
-}
-
 }  // namespace
 
 bool is_supported_shape(const std::string& type) { return find_reader(type) != nullptr; }
@@ -199,26 +187,38 @@ bool place_mesh(PlyMesh& mesh, const Transform& object_from_shape, bool reverse_
   return flip;
 }
 
-Status add_shape(Session& session, TextureTable& textures, const std::string& type, const ParamList& params,
-                 Place place, const ShapeState& state) {
-  std::string name = to_string(place);
-  SPILLWAY_ASSIGN(PlyMesh mesh, find_reader(type)->read({session, params, place, type, name}));
+Result<ReadShape> read_shape(Session& session, TextureTable& textures, const std::string& type, const ParamList& params,
+                             Place place, const ShapeState& state) {
+  ReadShape shape{type, to_string(place), place, {}, {}, state};
+  SPILLWAY_ASSIGN(shape.mesh, find_reader(type)->read({session, params, place, type, shape.name}));
+  SPILLWAY_ASSIGN(shape.alpha, read_alpha(textures, params, place));
+  SPILLWAY_TRY(params.check_all_used(session, fmt::format("Shape \"{}\"", type)));
+  return shape;
+}
+
+Status send_shape(Session& session, ReadShape shape) {
+  const ShapeState& state = shape.state;
+  PlyMesh& mesh = shape.mesh;
   MeshInput input;
-  input.name = name;
+  input.name = shape.name;
   input.material = state.material;
   input.object = state.object;
-  SPILLWAY_ASSIGN(input.alpha, read_alpha(textures, params, place));
-  SPILLWAY_TRY(set_emission(session, state, place, input));
-  SPILLWAY_TRY(params.check_all_used(session, fmt::format("Shape \"{}\"", type)));
+  input.alpha = shape.alpha;
   input.flip_normals = place_mesh(mesh, state.object_from_shape, state.reverse_orientation);
   input.positions = mesh.positions, input.normals = mesh.normals, input.uvs = mesh.uvs, input.indices = mesh.indices;
-  if (input.emits && state.emission->power > 0) {
+  if (!shape.emits()) return send(session, input, shape.place);
+  input.emits = true;
+  input.emission = state.emission->radiance;
+  input.emits_two_sided = state.emission->two_sided;
+  if (state.emission->power > 0) {
+    const std::string& type = shape.type;
     if (type == "trianglemesh" || type == "plymesh" || type == "loopsubdiv")
-      return send_by_power(session, mesh, input, *state.emission, place);
-    if (type == "bilinearmesh") return error_at(place, "a bilinearmesh with \"power\" is not supported: give its \"L\"");
+      return send_by_power(session, mesh, input, *state.emission, shape.place);
+    if (type == "bilinearmesh")
+      return error_at(shape.place, "a bilinearmesh with \"power\" is not supported: give its \"L\"");
     input.emission = input.emission * radiance_factor(mesh, *state.emission);
   }
-  return send(session, input, place);
+  return send(session, input, shape.place);
 }
 
 }  // namespace spillway::tools

@@ -24,11 +24,23 @@ struct ShapeState {
   uint32_t object = 0;
 };
 
-[[nodiscard]] bool is_supported_shape(const std::string& type);
-Status add_shape(Session& session, TextureTable& textures, const std::string& type, const ParamList& params,
-                 Place place, const ShapeState& state);
+// A shape in its own space, with what it needs to be sent.
+struct ReadShape {
+  std::string type, name;
+  Place place;
+  PlyMesh mesh;
+  TextureId alpha;
+  ShapeState state;
+  [[nodiscard]] bool emits() const { return state.emission && !is_black(state.emission->radiance); }
+};
 
-// What add_shape does to a mesh, by itself: moves it, and makes its geometric side and its normals agree.
+[[nodiscard]] bool is_supported_shape(const std::string& type);
+Result<ReadShape> read_shape(Session& session, TextureTable& textures, const std::string& type, const ParamList& params,
+                             Place place, const ShapeState& state);
+// Moves it, and sends it to the sink. Only shapes of the world may emit.
+Status send_shape(Session& session, ReadShape shape);
+
+// What send_shape does to a mesh, by itself: moves it, and makes its geometric side and its normals agree.
 // Returns whether the geometric normal is opposite to cross(p1 - p0, p2 - p0).
 bool place_mesh(PlyMesh& mesh, const Transform& object_from_shape, bool reverse_orientation);
 
