@@ -100,6 +100,10 @@ struct AttributeLocation {
   uint32_t reserved;
 };
 
+// ---- lights: shading::Light, and the image of an infinite one ----
+
+inline constexpr uint32_t kMaxEnvironmentSize = 8192;  // texels an edge
+
 // ---- what the scene says about the picture; the command line may override ----
 
 struct FilmSettings {
@@ -146,6 +150,7 @@ inline constexpr const char* kTextures = "textures";            // TextureNode
 inline constexpr const char* kImages = "images";                // cache::ImageInfo
 inline constexpr const char* kLights = "lights";                // shading::Light
 inline constexpr const char* kLightCdf = "light_cdf";           // float
+inline constexpr const char* kEnvironment = "environment";      // Rgb: the square image of an infinite light, row by row
 inline constexpr const char* kPages = "pages";                  // cache::PageLocation
 inline constexpr const char* kTreeNodes = "tree_nodes";         // cache::TraceNode
 inline constexpr const char* kTreeEntries = "tree_entries";     // cache::PageTreeEntry

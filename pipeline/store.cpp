@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 
 #include "cache/section_file.h"
 #include "pipeline/source_files.h"
@@ -31,6 +32,7 @@ Result<StoreTables> read_tables(const cache::SectionReader& reader) {
   SPILLWAY_TRY(read_table(reader, section::kImages, MemoryTag::scene, t.images));
   SPILLWAY_TRY(read_table(reader, section::kLights, MemoryTag::lights, t.lights));
   SPILLWAY_TRY(read_table(reader, section::kLightCdf, MemoryTag::lights, t.light_cdf));
+  SPILLWAY_TRY(read_table(reader, section::kEnvironment, MemoryTag::lights, t.environment));
   SPILLWAY_TRY(read_table(reader, section::kPages, MemoryTag::scene, t.pages));
   SPILLWAY_TRY(read_table(reader, section::kTreeNodes, MemoryTag::page_tree, t.tree_nodes));
   SPILLWAY_TRY(read_table(reader, section::kTreeEntries, MemoryTag::page_tree, t.tree_entries));
@@ -41,6 +43,8 @@ Result<StoreTables> read_tables(const cache::SectionReader& reader) {
   SPILLWAY_TRY(read_table(reader, section::kSources, MemoryTag::scene, t.sources));
   return t;
 }
+
+size_t environment_size(size_t texel_count) { return static_cast<size_t>(std::lround(std::sqrt(static_cast<double>(texel_count)))); }
 
 }  // namespace
 
@@ -63,7 +67,16 @@ Result<Store> Store::open(const std::filesystem::path& directory) {
   SPILLWAY_ASSIGN(store.tables_, read_tables(reader));
   SPILLWAY_TRY(validate_tables(store.tables_, manifest.string()));
   SPILLWAY_TRY(validate_files(store.tables_, directory));
+  store.build_environment();
   return store;
+}
+
+void Store::build_environment() {
+  const size_t size = environment_size(tables_.environment.size());
+  if (size == 0) return;
+  environment_row_cdf_ = Buffer<float>(MemoryTag::lights, size + 1);
+  environment_texel_cdf_ = Buffer<float>(MemoryTag::lights, size * (size + 1));
+  shading::build_environment_cdfs(static_cast<uint32_t>(size), tables_.environment, environment_row_cdf_, environment_texel_cdf_);
 }
 
 cache::PageTree Store::page_tree() const {
@@ -83,7 +96,9 @@ shading::LightTable Store::light_table() const {
       std::find_if(tables_.lights.begin(), tables_.lights.end(),
                    [](const shading::Light& light) { return light.kind == shading::LightKind::infinite; });
   return {tables_.lights, tables_.light_cdf, sphere.center, sphere.radius,
-          static_cast<uint32_t>(first_infinite - tables_.lights.begin())};
+          static_cast<uint32_t>(first_infinite - tables_.lights.begin()),
+          {static_cast<uint32_t>(environment_size(tables_.environment.size())), tables_.environment, environment_row_cdf_,
+           environment_texel_cdf_}};
 }
 
 MeshId Store::mesh_of(PrimId prim) const {

@@ -2,7 +2,7 @@
 
 // A packed scene, opened for rendering: the manifest's tables, every reference in them checked.
 //
-// Owns: the tables. Memory: tag scene; the page tree under page_tree, lights under lights.
+// Owns: the tables, and the distribution of the environment's light. Memory: tag scene; the page tree under page_tree, lights under lights.
 // Threads: const after open().
 // Fails: open() refuses a directory without manifest, a damaged or inconsistent one, and missing or short files, naming
 //        file, section and index. Pages, attribute blocks and images are checked when they are read.
@@ -33,6 +33,7 @@ struct StoreTables {
   Buffer<cache::ImageInfo> images;
   Buffer<shading::Light> lights;
   Buffer<float> light_cdf;
+  Buffer<Rgb> environment;
   Buffer<cache::PageLocation> pages;
   Buffer<cache::TraceNode> tree_nodes;
   Buffer<cache::PageTreeEntry> tree_entries;
@@ -83,8 +84,11 @@ class Store {
 
  private:
   Store() = default;
+  void build_environment();
+
   std::filesystem::path directory_;
   StoreTables tables_;
+  Buffer<float> environment_row_cdf_, environment_texel_cdf_;
 };
 
 }  // namespace spillway::pipeline

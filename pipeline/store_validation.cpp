@@ -108,6 +108,21 @@ Status validate_lights(const StoreTables& t, std::string_view where) {
   return {};
 }
 
+Status validate_environment(const StoreTables& t, std::string_view where) {
+  const auto size = static_cast<uint64_t>(std::lround(std::sqrt(static_cast<double>(t.environment.size()))));
+  if (size * size != t.environment.size() || size > kMaxEnvironmentSize)
+    return damaged(where, section::kEnvironment, 0, "{} texels are no square of at most {}", t.environment.size(), kMaxEnvironmentSize);
+  for (size_t i = 0; i < t.environment.size(); ++i) {
+    const Rgb texel = t.environment[i];
+    if (!is_finite(texel) || std::min({texel.r, texel.g, texel.b}) < 0)
+      return damaged(where, section::kEnvironment, i, "({}, {}, {}) is negative or not finite", texel.r, texel.g, texel.b);
+  }
+  const auto lights = std::count_if(t.lights.begin(), t.lights.end(), [](const shading::Light& l) { return l.has_image == 1; });
+  if (lights != (t.environment.empty() ? 0 : 1))
+    return damaged(where, section::kLights, 0, "{} have an image, of {} texels", lights, t.environment.size());
+  return {};
+}
+
 // Locations follow each other without gaps.
 Status validate_pages(const StoreTables& t, std::string_view where) {
   uint64_t offset = 0, triangles = 0;
@@ -355,6 +370,11 @@ Status check_light(const shading::Light& light, std::string_view where) {
     return error("{}: has an axis of length {}, not one", where, length(light.edge1));
   if (light.kind == shading::LightKind::spot && light.cos_falloff < light.cos_total)
     return error("{}: falls off inside an angle larger than its cone", where);
+  if (light.has_image > 1 || (light.has_image == 1 && light.kind != shading::LightKind::infinite))
+    return error("{}: has an image, and is no infinite light", where);
+  if (light.has_image == 1)
+    for (const Float3 axis : {light.position, light.edge1, light.edge2})
+      if (std::fabs(length_squared(axis) - 1) > kUnitTolerance) return error("{}: has an axis of length {}, not one", where, length(axis));
   return {};
 }
 
@@ -373,6 +393,7 @@ Status validate_tables(const StoreTables& t, std::string_view where) {
                                 fmt::format("{}: section '{}', item {}", where, section::kMaterials, i)));
   SPILLWAY_TRY(validate_meshes(t, where));
   SPILLWAY_TRY(validate_lights(t, where));
+  SPILLWAY_TRY(validate_environment(t, where));
   SPILLWAY_TRY(validate_pages(t, where));
   SPILLWAY_TRY(validate_attributes(t, where));
   SPILLWAY_TRY(validate_instances(t, where));

@@ -78,13 +78,25 @@ LightSample sample_distant(const Light& light, float chance) {
   return sample;
 }
 
-LightSample sample_infinite(const LightTable& table, Float2 u) {
+Float3 to_light_frame(const Light& light, Float3 w) { return {dot(light.position, w), dot(light.edge1, w), dot(light.edge2, w)}; }
+
+Float3 uniform_direction(Float2 u) {
   const float z = 1 - 2 * u.x;
   const float r = std::sqrt(std::max(0.0f, 1 - z * z));
   const SinCos phi = sin_cos_turn(u.y);
+  return {r * phi.cos, r * phi.sin, z};
+}
+
+Float3 direction_of_image(const LightTable& table, const Light& light, Float2 u) {
+  const Float3 w = sample_environment(table.environment, u);
+  return normalize(light.position * w.x + light.edge1 * w.y + light.edge2 * w.z);
+}
+
+// A direction from one of them, weighed by all.
+LightSample sample_infinite(const LightTable& table, const Light& light, Float2 u) {
   LightSample sample;
   sample.distance = INFINITY;
-  sample.w_next_world = {r * phi.cos, r * phi.sin, z};
+  sample.w_next_world = light.has_image ? direction_of_image(table, light, u) : uniform_direction(u);
   sample.radiance = infinite_radiance(table, sample.w_next_world);
   sample.pdf_solid_angle = infinite_pdf_solid_angle(table, sample.w_next_world);
   return sample;
@@ -92,8 +104,8 @@ LightSample sample_infinite(const LightTable& table, Float2 u) {
 
 }  // namespace
 
-float light_power(const Light& light, float scene_radius_world) {
-  const float l = std::max(0.0f, luminance(light.radiance));
+float light_power(const Light& light, float scene_radius_world, float mean_of_image) {
+  const float l = std::max(0.0f, luminance(light.radiance)) * (light.has_image ? mean_of_image : 1);
   const float disk = kPi * scene_radius_world * scene_radius_world;
   switch (light.kind) {
     case LightKind::triangle:
@@ -117,7 +129,7 @@ LightSample sample_light(const LightTable& table, Float3 receiver_world, float u
     case LightKind::point:
     case LightKind::spot: return sample_point(light, chance, receiver_world);
     case LightKind::distant: return sample_distant(light, chance);
-    case LightKind::infinite: return sample_infinite(table, u);
+    case LightKind::infinite: return sample_infinite(table, light, u);
   }
   return {};
 }
@@ -133,16 +145,22 @@ float triangle_pdf_solid_angle(const LightTable& table, uint32_t index, Float3 r
 
 bool has_infinite_light(const LightTable& table) { return table.first_infinite < table.lights.size(); }
 
-Rgb infinite_radiance(const LightTable& table, Float3) {
+Rgb infinite_radiance(const LightTable& table, Float3 w_world) {
   Rgb sum{0, 0, 0};
-  for (size_t i = table.first_infinite; i < table.lights.size(); ++i) sum += table.lights[i].radiance;
+  for (size_t i = table.first_infinite; i < table.lights.size(); ++i) {
+    const Light& light = table.lights[i];
+    sum += light.has_image ? light.radiance * environment_radiance(table.environment, to_light_frame(light, w_world)) : light.radiance;
+  }
   return sum;
 }
 
-float infinite_pdf_solid_angle(const LightTable& table, Float3) {
-  if (!has_infinite_light(table)) return 0;
-  const auto count = static_cast<uint32_t>(table.lights.size());
-  return (table.cdf[count] - table.cdf[table.first_infinite]) * (0.25f / kPi);
+float infinite_pdf_solid_angle(const LightTable& table, Float3 w_world) {
+  float sum = 0;
+  for (uint32_t i = table.first_infinite; i < table.lights.size(); ++i) {
+    const Light& light = table.lights[i];
+    sum += pmf(table, i) * (light.has_image ? environment_pdf(table.environment, to_light_frame(light, w_world)) : 0.25f / kPi);
+  }
+  return sum;
 }
 
 }  // namespace spillway::shading

@@ -6,6 +6,7 @@
 #include <span>
 
 #include "cache/base/vec.h"
+#include "shading/environment.h"
 
 namespace spillway::shading {
 
@@ -17,10 +18,11 @@ struct Light {
   Rgb radiance;         // triangle, infinite: L. point, spot: intensity (W/sr). distant: irradiance across the beam
   Float3 position;      // triangle: p0. point, spot: position
   Float3 edge1, edge2;  // triangle: p1 - p0, p2 - p0. spot, distant: edge1 = unit axis of emission
+                        // infinite with an image: position, edge1, edge2 are the light's unit axes in the world
   float cos_total;      // spot: nothing outside
   float cos_falloff;    // spot: full inside; a smoothstep in the cosine between
   float normal_sign;    // triangle: -1 when the emitting side is opposite to cross(edge1, edge2)
-  uint32_t reserved;
+  uint32_t has_image;   // infinite: radiance multiplies the scene's environment map; one light of a scene at most
 };
 static_assert(sizeof(Light) == 72);
 
@@ -30,10 +32,12 @@ struct LightTable {
   Float3 scene_center_world{0, 0, 0};
   float scene_radius_world = 1;
   uint32_t first_infinite = 0;  // infinite lights are the last of the table
+  EnvironmentMap environment{};  // of the one that has an image
 };
 
-// Radiant power, for the selection table; infinite and distant lights use the scene's radius.
-[[nodiscard]] float light_power(const Light& light, float scene_radius_world);
+// Radiant power, for the selection table; infinite and distant lights use the scene's radius. mean_of_image: luminance,
+// of an infinite light's image.
+[[nodiscard]] float light_power(const Light& light, float scene_radius_world, float mean_of_image = 1);
 
 struct LightSample {
   Float3 w_next_world{0, 0, 1};  // unit, towards the light

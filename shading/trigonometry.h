@@ -1,6 +1,8 @@
 #pragma once
 
-// Sine and cosine of our own, so that their bits do not change with the C library.
+// Sine, cosine and arc tangent of our own, so that their bits do not change with the C library.
+
+#include <cmath>
 
 #include "cache/base/vec.h"
 
@@ -31,6 +33,15 @@ inline SinCos sin_cos_turn(float u) {
     case 2: return {-r.sin, -r.cos};
     default: return {-r.cos, r.sin};
   }
+}
+
+// The angle in [0, pi/4] whose tangent is y / x, for 0 <= y <= x, x > 0: halved twice, then Taylor's series to the 11th
+// power, which is off by less than 1e-10.
+inline float atan_of_ratio(float y, float x) {
+  double t = static_cast<double>(y) / x;
+  for (int i = 0; i < 2; ++i) t = t / (1 + std::sqrt(1 + t * t));
+  const double s = t * t;
+  return static_cast<float>(4 * t * (1 + s * (-1.0 / 3 + s * (1.0 / 5 + s * (-1.0 / 7 + s * (1.0 / 9 - s * (1.0 / 11)))))));
 }
 
 // Maps the unit square to the unit disk, preserving area and neighbourhood (Shirley and Chiu 1997).

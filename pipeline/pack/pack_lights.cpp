@@ -43,10 +43,16 @@ void limit_unbounded(std::span<const shading::Light> lights, std::span<double> p
     if (!has_place(lights[i])) power[i] *= with_place / without;
 }
 
-Result<std::vector<float>> power_cdf(std::span<const shading::Light> lights, float scene_radius_world) {
+float mean_luminance(std::span<const Rgb> texels) {
+  double sum = 0;
+  for (const Rgb texel : texels) sum += luminance(texel);
+  return texels.empty() ? 0 : static_cast<float>(sum / static_cast<double>(texels.size()));
+}
+
+Result<std::vector<float>> power_cdf(std::span<const shading::Light> lights, float mean_of_image, float scene_radius_world) {
   std::vector<double> power;
   for (const shading::Light& light : lights) {
-    power.push_back(shading::light_power(light, scene_radius_world));
+    power.push_back(shading::light_power(light, scene_radius_world, mean_of_image));
     if (!std::isfinite(power.back()) || power.back() < 0)
       return error("light {}: has a power of {}; scale its emission or the scene down", power.size() - 1, power.back());
   }
@@ -64,7 +70,7 @@ Result<std::vector<float>> power_cdf(std::span<const shading::Light> lights, flo
 }  // namespace
 
 Result<PackedLights> pack_lights(SpooledScene& scene, std::span<const shading::Light> other_lights,
-                                 const Bounds3& bounds_world) {
+                                 std::span<const Rgb> environment, const Bounds3& bounds_world) {
   PackedLights packed;
   SpoolReader reader(*scene.spool);
   for (SpooledMesh& mesh : scene.meshes) {
@@ -75,7 +81,7 @@ Result<PackedLights> pack_lights(SpooledScene& scene, std::span<const shading::L
   packed.lights.insert(packed.lights.end(), other_lights.begin(), other_lights.end());
   std::stable_partition(packed.lights.begin(), packed.lights.end(),
                         [](const shading::Light& light) { return light.kind != shading::LightKind::infinite; });
-  SPILLWAY_ASSIGN(packed.cdf, power_cdf(packed.lights, scene_sphere(bounds_world).radius));
+  SPILLWAY_ASSIGN(packed.cdf, power_cdf(packed.lights, mean_luminance(environment), scene_sphere(bounds_world).radius));
   return packed;
 }
 

@@ -2,7 +2,8 @@
 
 // Makes the light table.
 //
-// In:     the spooled scene (emissive meshes), the other lights in the order of the scene, the bounds of the world.
+// In:     the spooled scene (emissive meshes), the other lights in the order of the scene, the environment's texels, the
+//         bounds of the world.
 // Out:    one light a face of an emissive mesh, by ascending prim, then the others, infinite ones last; light_base of
 //         the meshes set; the cumulative distribution in proportion to power.
 // Memory: tag pack: one chunk; the table itself.
@@ -22,6 +23,6 @@ struct PackedLights {
 };
 
 Result<PackedLights> pack_lights(SpooledScene& scene, std::span<const shading::Light> other_lights,
-                                 const Bounds3& bounds_world);
+                                 std::span<const Rgb> environment, const Bounds3& bounds_world);
 
 }  // namespace spillway::pipeline

@@ -5,6 +5,7 @@
 #include "cache/section_file.h"
 #include "pipeline/pack/bake_micromap.h"
 #include "pipeline/pack/pack_attributes.h"
+#include "pipeline/pack/pack_environment.h"
 #include "pipeline/pack/pack_image.h"
 #include "pipeline/pack/pack_lights.h"
 #include "pipeline/pack/pack_page_tree.h"
@@ -68,6 +69,8 @@ struct ScenePacker::Packed {
   PagePlan plan;
   PackedPageTree tree;
   PackedLights lights;
+  std::vector<Rgb> environment;
+  std::unique_ptr<cache::TextureCache> textures;  // of the images; null without any
 };
 
 // ---- what is said ----
@@ -152,8 +155,19 @@ Status ScenePacker::add_light(const shading::Light& light) {
   if (light.kind == shading::LightKind::triangle)
     return failed(error("{}: triangles emit as meshes, not as lights", where));
   SPILLWAY_TRY(failed(check_light(light, where)));
+  if (light.has_image != 0) return failed(error("{}: an infinite light with an image is an environment", where));
   lights_.push_back(light);
-  lights_.back().reserved = 0;
+  return {};
+}
+
+Status ScenePacker::add_environment(const shading::Light& light, ImageId image) {
+  SPILLWAY_TRY(state_);
+  const std::string where = fmt::format("light {}", lights_.size());
+  SPILLWAY_TRY(failed(check_light(light, where)));
+  if (light.has_image == 0 || image.value >= images_.size()) return failed(error("{}: has no image", where));
+  if (environment_image_.valid()) return failed(error("{}: is the second infinite light with an image; one is possible", where));
+  lights_.push_back(light);
+  environment_image_ = image;
   return {};
 }
 
@@ -265,20 +279,28 @@ Status ScenePacker::write_store() {
   SPILLWAY_ASSIGN(auto attributes, cache::WriteFile::create(directory_ / kAttributesFile, cache::IoPurpose::pack));
   SPILLWAY_ASSIGN(packed.attributes, pack_attributes(scene_, options_.max_faces_per_attribute_block, attributes));
   SPILLWAY_TRY(attributes.commit());
+  SPILLWAY_TRY(open_images(packed));
   SPILLWAY_TRY(write_pages(packed));
-  SPILLWAY_ASSIGN(packed.lights, pack_lights(scene_, lights_, packed.tree.bounds_world));
+  if (environment_image_.valid()) {
+    const uint32_t image = environment_image_.value;
+    SPILLWAY_ASSIGN(packed.environment,
+                    pack_environment(image, packed.images[image], *packed.textures, images_[image].file.string()));
+  }
+  SPILLWAY_ASSIGN(packed.lights, pack_lights(scene_, lights_, packed.environment, packed.tree.bounds_world));
   return write_manifest(packed);
+}
+
+Status ScenePacker::open_images(Packed& packed) const {
+  if (packed.images.empty()) return {};
+  const cache::TextureCache::Options options{.memory_limit_bytes = options_.memory_limit_bytes / 8};
+  SPILLWAY_ASSIGN(packed.textures, cache::TextureCache::open(directory_ / kTexturesDirectory, packed.images, options));
+  return {};
 }
 
 Status ScenePacker::write_pages(Packed& packed) {
   const PackPagesOptions options{options_.max_triangles_per_page, options_.tree, options_.memory_limit_bytes};
-  std::unique_ptr<cache::TextureCache> images;
-  if (!packed.images.empty()) {
-    const cache::TextureCache::Options cache_options{.memory_limit_bytes = options_.memory_limit_bytes / 8};
-    SPILLWAY_ASSIGN(images, cache::TextureCache::open(directory_ / kTexturesDirectory, packed.images, cache_options));
-  }
   const BakeMicromap bake = [&](uint32_t texture, const Float2(&uv)[3]) {
-    return bake_micromap(uv, texture, textures_, packed.images, images.get());
+    return bake_micromap(uv, texture, textures_, packed.images, packed.textures.get());
   };
   SPILLWAY_ASSIGN(auto file, cache::WriteFile::create(directory_ / kTracePagesFile, cache::IoPurpose::pack));
   SPILLWAY_ASSIGN(packed.plan, plan_pages(scene_, options));
@@ -328,6 +350,7 @@ Status ScenePacker::write_manifest(const Packed& packed) {
   add(section::kImages, packed.images);
   add(section::kLights, packed.lights.lights);
   add(section::kLightCdf, packed.lights.cdf);
+  add(section::kEnvironment, packed.environment);
   add(section::kPages, packed.plan.pages);
   add(section::kTreeNodes, packed.tree.nodes);
   add(section::kTreeEntries, packed.tree.entries);

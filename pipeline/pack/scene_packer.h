@@ -49,6 +49,7 @@ class ScenePacker final : public SceneSink {
   Result<TextureId> add_texture(const TextureNode& node) override;
   Result<MaterialId> add_material(const Material& material, std::string name) override;
   Status add_light(const shading::Light& light) override;
+  Status add_environment(const shading::Light& light, ImageId image) override;
   uint32_t begin_object(std::string name) override;
   Status add_mesh(const MeshInput& mesh) override;
   Status add_instance(uint32_t object, const Affine3& world_from_object) override;
@@ -69,6 +70,7 @@ class ScenePacker final : public SceneSink {
   Status write_store();
   Status number_meshes();
   void keep_instances_of_triangles();
+  Status open_images(Packed& packed) const;
   Status write_pages(Packed& packed);
   SceneStatistics statistics(const Packed& packed) const;
   [[nodiscard]] std::string name_lines() const;
@@ -88,6 +90,7 @@ class ScenePacker final : public SceneSink {
   std::vector<Material> materials_;
   std::vector<std::string> material_names_, object_names_;
   std::vector<shading::Light> lights_;
+  ImageId environment_image_;
   std::vector<cache::Instance> instances_;
   uint64_t degenerate_count_ = 0;
   Status state_;               // the first error

@@ -40,6 +40,8 @@ class SceneSink {
   virtual Result<TextureId> add_texture(const TextureNode& node) = 0;
   virtual Result<MaterialId> add_material(const Material& material, std::string name) = 0;
   virtual Status add_light(const shading::Light& light) = 0;  // point, spot, distant, infinite
+  // An infinite light with has_image, and its image; one a scene.
+  virtual Status add_environment(const shading::Light& light, ImageId image) = 0;
   virtual uint32_t begin_object(std::string name) = 0;        // a prototype; its meshes name it
   virtual Status add_mesh(const MeshInput& mesh) = 0;
   virtual Status add_instance(uint32_t object, const Affine3& world_from_object) = 0;

@@ -94,6 +94,23 @@ TEST(pbrt, normal_maps_are_linear_images) {
   EXPECT_EQ(imported.sink.images.at(map.image).second, cache::TexelEncoding::linear);
 }
 
+TEST(pbrt, an_infinite_light_may_have_an_image_in_its_own_frame) {
+  const Imported imported = import_world(
+      "Rotate 90 0 0 1 Scale 2 2 2 LightSource \"infinite\" \"string filename\" \"sky.exr\" \"float scale\" 3 "
+      "\"point3 portal\" [0 0 0 1 0 0 1 1 0 0 1 0]");
+  ASSERT_EQ(imported.error, "");
+  const shading::Light& light = imported.sink.lights.at(0);
+  EXPECT_EQ(light.has_image, 1u);
+  EXPECT_EQ(light.radiance.g, 3);
+  // Where the world's x is seen in the light: its axes are rows of the inverse rotation.
+  EXPECT_LT(length(Float3{light.position.x, light.edge1.x, light.edge2.x} - Float3{0, -1, 0}), 1e-6f);
+  EXPECT_EQ(imported.sink.environments.size(), 1u);
+  EXPECT_EQ(imported.sink.images.at(0).second, cache::TexelEncoding::linear);
+  EXPECT_TRUE(has_warning(imported, "portals are not used"));
+  EXPECT_TRUE(starts_with(import_world("Scale 1 2 1 LightSource \"infinite\" \"string filename\" \"sky.exr\"").error,
+                          "scene.pbrt:2:"));
+}
+
 TEST(pbrt, checkerboards_and_bilerps_have_pbrts_defaults) {
   const Imported imported = import_world(
       "Texture \"c\" \"spectrum\" \"checkerboard\" \"float uscale\" 8 \"rgb tex2\" [0.1 0.2 0.3]\n"

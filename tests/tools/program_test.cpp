@@ -1,5 +1,6 @@
 // The program as people and scripts use it: what it leaves behind, what it says, and its exit codes.
 
+#include <OpenImageIO/imageio.h>
 #include <gtest/gtest.h>
 #include <sys/wait.h>
 
@@ -105,6 +106,37 @@ TEST_F(ProgramTest, a_current_store_is_not_packed_again_and_an_old_one_is) {
   EXPECT_EQ(fs::last_write_time(folder_ / "scene.store/manifest.spw"), first);
   ASSERT_EQ(render("Shape \"trianglemesh\" \"point3 P\" [-2 -1 0 1 -1 0 0 1 0]").code, 0);
   EXPECT_NE(fs::last_write_time(folder_ / "scene.store/manifest.spw"), first);
+}
+
+// A white sky as an image, around a convex body of albedo one half: half as bright as the sky everywhere.
+TEST_F(ProgramTest, an_environment_lights_the_scene) {
+  const auto write_sky = [&](int width, int height, float value) {
+    std::string bytes = fmt::format("PF\n{} {}\n-1.0\n", width, height);
+    for (int i = 0; i < 3 * width * height; ++i) bytes.append(reinterpret_cast<const char*>(&value), sizeof value);
+    write("sky.pfm", bytes);
+  };
+  write("scene.pbrt", "LookAt 0 0 5 0 0 0 0 1 0 Camera \"perspective\" \"float fov\" 10\n"
+                      "Film \"rgb\" \"integer xresolution\" 16 \"integer yresolution\" 16 PixelFilter \"box\" WorldBegin\n"
+                      "LightSource \"infinite\" \"string filename\" \"sky.pfm\" \"float scale\" 2\n"
+                      "Shape \"sphere\" \"float radius\" 1\n");
+  const std::string render = "render scene.pbrt -o out.exr --spp 256 -q";
+  write_sky(8, 8, 0.75f);
+  const Ended ended = spillway(render);
+  ASSERT_EQ(ended.code, 0) << ended.said;
+  const auto input = OIIO::ImageInput::open((folder_ / "out.exr").string());
+  ASSERT_TRUE(input);
+  std::vector<float> pixels(16 * 16 * 3);
+  ASSERT_TRUE(input->read_image(0, 0, 0, 3, OIIO::TypeFloat, pixels.data()));
+  double sum = 0;
+  for (const float p : pixels) sum += p;
+  EXPECT_NEAR(sum / static_cast<double>(pixels.size()), 0.75, 0.75 * 0.004);  // the sky itself is 1.5
+  fs::remove(folder_ / "out.exr");
+  write_sky(8, 4, 0.75f);
+  expect_refused(spillway(render), {"sky.pfm", "8 x 4 texels", "square"});
+  write_sky(4, 4, -1);
+  expect_refused(spillway(render), {"sky.pfm", "texel (0, 0) is (-1"});
+  write_sky(4, 4, INFINITY);
+  expect_refused(spillway(render), {"sky.pfm", "finite"});
 }
 
 TEST_F(ProgramTest, a_command_line_that_makes_no_sense_ends_with_two) {

@@ -25,6 +25,7 @@ class RecordingSink : public pipeline::SceneSink {
   std::vector<pipeline::Material> materials;
   std::vector<std::string> material_names;
   std::vector<shading::Light> lights;
+  std::vector<ImageId> environments;
   std::vector<std::string> objects;
   std::vector<RecordedMesh> meshes;
   std::vector<std::pair<uint32_t, Affine3>> instances;
@@ -56,6 +57,11 @@ class RecordingSink : public pipeline::SceneSink {
   Status add_light(const shading::Light& light) override {
     lights.push_back(light);
     return {};
+  }
+  Status add_environment(const shading::Light& light, ImageId image) override {
+    if (image.value >= images.size()) contract = "image after its light";
+    environments.push_back(image);
+    return add_light(light);
   }
   uint32_t begin_object(std::string name) override {
     objects.push_back(std::move(name));

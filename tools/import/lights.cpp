@@ -5,6 +5,7 @@
 #include <optional>
 
 #include "tools/import/spectra.h"
+#include "tools/import/textures.h"
 
 namespace spillway::tools {
 namespace {
@@ -123,15 +124,44 @@ Status read_distant(const ParamList& params, Place place, const Transform& world
   return {};
 }
 
-Status read_infinite(const ParamList& params, Light& light) {
-  light.kind = LightKind::infinite;
-  if (const Parameter* file = params.find(ParamType::string, "filename")) {
-    return error_at(file->place, "infinite lights with an image are not supported yet: give a constant \"L\"");
+// The image in the light's frame: its axes are rows of the rotation that takes the world there.
+Status read_environment(Session& session, const ParamList& params, const Parameter& file, Place place,
+                        const Transform& world_from_light, Light& light) {
+  SPILLWAY_TRY(expect_count(file, file.strings.size(), 1));
+  if (!world_from_light.keeps_angles())
+    return error_at(place, "the transform of an infinite light with an image must keep angles");
+  if (const Parameter* illuminance = params.find(ParamType::real, "illuminance"))
+    return error_at(illuminance->place, "\"illuminance\" of an image is not supported: use \"scale\"");
+  if (const Parameter* portal = params.find(ParamType::point3, "portal"))
+    session.warn(portal->place, "portals are not used: light comes from the whole image, with more noise");
+  const Transform light_from_world = world_from_light.inverse();
+  Float3* const axes[3] = {&light.position, &light.edge1, &light.edge2};
+  for (int row = 0; row < 3; ++row) {
+    const double* m = light_from_world.m[row];
+    const double size = std::sqrt(m[0] * m[0] + m[1] * m[1] + m[2] * m[2]);
+    *axes[row] = rounded({m[0] / size, m[1] / size, m[2] / size});
   }
+  light.radiance = {1, 1, 1};
+  light.has_image = 1;
+  return {};
+}
+
+Status read_infinite(Session& session, const ParamList& params, Place place, const Transform& world_from_light, Light& light) {
+  light.kind = LightKind::infinite;
+  if (const Parameter* file = params.find(ParamType::string, "filename"))
+    return read_environment(session, params, *file, place, world_from_light, light);
   SPILLWAY_ASSIGN(light.radiance, light_color(params, "L"));
   SPILLWAY_ASSIGN(const float illuminance, params.real("illuminance", -1));
   if (illuminance > 0) light.radiance = light.radiance * (illuminance / kPi);  // of a hemisphere of radiance 1
   return {};
+}
+
+Status send(Session& session, const ParamList& params, const Light& light) {
+  if (light.has_image == 0) return session.sink.add_light(light);
+  const std::string& name = params.find(ParamType::string, "filename")->strings[0];
+  SPILLWAY_ASSIGN(const ImageId image, session.sink.add_image(session.resolved(name), default_encoding(name)));
+  ++session.report.image_count;
+  return session.sink.add_environment(light, image);
 }
 
 }  // namespace
@@ -162,7 +192,7 @@ Status add_light(Session& session, const std::string& type, const ParamList& par
   else if (type == "distant")
     SPILLWAY_TRY(read_distant(params, place, world_from_light, light));
   else if (type == "infinite")
-    SPILLWAY_TRY(read_infinite(params, light));
+    SPILLWAY_TRY(read_infinite(session, params, place, world_from_light, light));
   else
     return session.ignorable(place, "light \"{}\" is not supported: use infinite, distant, point or spot", type);
   SPILLWAY_ASSIGN(const float scale, read_scale(params));
@@ -170,7 +200,7 @@ Status add_light(Session& session, const std::string& type, const ParamList& par
   SPILLWAY_TRY(params.check_all_used(session, fmt::format("LightSource \"{}\"", type)));
   if (!is_finite(light.radiance) || !is_finite(light.position))
     return error_at(place, "light \"{}\" is not finite", type);
-  if (const Status added = session.sink.add_light(light); !added) return error_at(place, "{}", added.error().message);
+  if (const Status added = send(session, params, light); !added) return error_at(place, "{}", added.error().message);
   ++session.report.light_count;
   return {};
 }

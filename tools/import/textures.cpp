@@ -19,13 +19,6 @@ std::string lower_extension(const std::string& file) {
   return extension;
 }
 
-// pbrt's default: files of floats are linear, all others sRGB.
-cache::TexelEncoding default_encoding(const std::string& file) {
-  constexpr std::array<std::string_view, 3> kLinear = {".exr", ".hdr", ".pfm"};
-  const bool linear = std::find(kLinear.begin(), kLinear.end(), lower_extension(file)) != kLinear.end();
-  return linear ? cache::TexelEncoding::linear : cache::TexelEncoding::srgb;
-}
-
 Result<cache::TexelEncoding> read_encoding(const ParamList& params, const std::string& file) {
   const Parameter* parameter = params.find(ParamType::string, "encoding");
   if (parameter == nullptr) return default_encoding(file);
@@ -97,6 +90,12 @@ Result<std::optional<Rgb>> read_rgb(const ParamList& params, std::string_view na
 }
 
 }  // namespace
+
+cache::TexelEncoding default_encoding(const std::string& file) {
+  constexpr std::array<std::string_view, 3> kLinear = {".exr", ".hdr", ".pfm"};
+  const bool linear = std::find(kLinear.begin(), kLinear.end(), lower_extension(file)) != kLinear.end();
+  return linear ? cache::TexelEncoding::linear : cache::TexelEncoding::srgb;
+}
 
 Status TextureTable::define(TextureValue value, const Token& name, std::string type, ParamList params, Place place) {
   const auto [at, is_new] = definitions_.try_emplace(Key{value, name.text});

@@ -23,6 +23,9 @@ enum class SendState : uint8_t { waiting, sending, sent };
 // What range of RGB a parameter may have.
 enum class RgbRange : uint8_t { albedo, unbounded };  // 0..1, 0..infinity
 
+// pbrt's default: files of floats are linear, all others sRGB.
+[[nodiscard]] cache::TexelEncoding default_encoding(const std::string& file);
+
 class TextureTable {
  public:
   explicit TextureTable(Session& session) : session_(session) {}
