@@ -221,7 +221,7 @@ TEST(pbrt_errors, lights_are_checked) {
   expect_errors({
       {"WorldBegin LightSource \"projection\"", "scene.pbrt:1:24: light \"projection\" is not supported"},
       {"WorldBegin LightSource \"infinite\" \"string filename\" \"a.exr\" \"float illuminance\" 1",
-       "scene.pbrt:1:62: \"illuminance\" of an image"},
+       "scene.pbrt:1:61: \"illuminance\" of an image"},
       {"WorldBegin LightSource \"point\" \"rgb L\" [1 1 1]",
        "scene.pbrt:1:32: LightSource \"point\" has no parameter \"rgb L\""},
       {"WorldBegin LightSource \"point\" \"rgb I\" [1 1 -1]", "scene.pbrt:1:32: \"I\" must not be negative"},
