@@ -1,0 +1,152 @@
+#!/usr/bin/env python3
+"""Renders the scenes of this folder with Mitsuba 3, into tests/images: what the pictures of Spillway are held against.
+
+  pip install mitsuba numpy OpenEXR
+  tests/twins/make_twins.py [NAME...] [--samples N]
+
+Each scene is written twice, by hand: as NAME.pbrt for Spillway, and below for Mitsuba. The images hold the mean over all
+seeds and those of two halves of them, from which the test takes the variance (tools/metrics/statistical_equality.h).
+
+A picture is noisy everywhere: no pixel sees the sky, whose sum in 32 bits Mitsuba would round.
+Where the two models differ there is no twin: rough GGX surfaces (Mitsuba's Smith term is separable, Spillway's is
+height-correlated), soft edges of spots (linear in the angle against a smoothstep in the cosine; the spot here has none), masks (the
+shadows of Mitsuba's path integrator are lighter than the opacity says; tests/tools/twins_test.cpp has the exact answer).
+Mitsuba's images have their first row at v = 0, pbrt's at v = 1: the texture is turned over.
+"""
+
+import argparse
+import pathlib
+import struct
+import zlib
+
+import mitsuba as mi
+import numpy as np
+import OpenEXR
+
+mi.set_variant("scalar_rgb")
+T = mi.ScalarTransform4f
+FOLDER = pathlib.Path(__file__).resolve().parent
+WIDTH, HEIGHT, SEEDS = 48, 32, 16
+VIEW = T().look_at([0, -4, 6], [0, 0, 0.4], [0, 0, 1])
+
+
+def rgb(*values):
+    return {"type": "rgb", "value": list(values)}
+
+
+def diffuse(*values):
+    return {"type": "twosided", "bsdf": {"type": "diffuse", "reflectance": rgb(*values)}}
+
+
+def sensor(kind="perspective", to_world=VIEW, **more):
+    film = {"type": "hdrfilm", "width": WIDTH, "height": HEIGHT, "rfilter": {"type": "box"}, "pixel_format": "rgb",
+            "component_format": "float32"}
+    if kind != "orthographic":
+        more = {"fov": 32, "fov_axis": "smaller", **more}
+    return {"type": kind, "to_world": to_world, "film": film, **more}
+
+
+def cube(to_world, bsdf):
+    return {"type": "cube", "to_world": to_world, "bsdf": bsdf}
+
+
+def rectangle(to_world, **more):
+    return {"type": "rectangle", "to_world": to_world, **more}
+
+
+FLOOR = rectangle(T().scale([8, 8, 1]), bsdf=diffuse(0.5, 0.4, 0.3))
+BLACK = diffuse(0, 0, 0)
+# Turned to look down.
+PANEL = rectangle(T().translate([1, -1, 4]) @ T().rotate([1, 0, 0], 180), bsdf=BLACK,
+                  emitter={"type": "area", "radiance": rgb(9, 8, 7)})
+SKY = {"type": "constant", "radiance": rgb(0.5, 0.6, 0.7)}
+BLOCK = T().translate([0, 0, 0.8]) @ T().rotate([0, 0, 1], 30) @ T().scale([0.8, 0.6, 0.8])
+GREY = diffuse(0.6, 0.6, 0.6)
+BLUE = diffuse(0.2, 0.5, 0.7)
+
+
+WALL = rectangle(T().translate([-2, 1, 2]) @ T().rotate([0, 1, 0], 90) @ T().scale([2, 3, 1]), bsdf=diffuse(0.7, 0.1, 0.1))
+
+
+def block_of(bsdf, **more):
+    return {"floor": FLOOR, "panel": PANEL, "block": cube(BLOCK, bsdf), "sensor": sensor(), **more}
+
+
+SCENES = {
+    "box": block_of(GREY, wall=WALL),
+    "mirror": block_of({"type": "conductor", "eta": rgb(0.2, 0.9, 1.1), "k": rgb(3.9, 2.5, 2.4)}),
+    # Raised from the floor: where two surfaces coincide, the order in which they are met is nobody's.
+    "glass": {"floor": FLOOR, "panel": PANEL, "sky": SKY, "sensor": sensor(),
+              "block": cube(T().translate([0, 0, 0.2]) @ BLOCK, {"type": "dielectric", "int_ior": 1.5, "ext_ior": 1.0})},
+    "thin_glass": {"floor": FLOOR, "panel": PANEL, "sky": SKY, "sensor": sensor(), "pane": rectangle(
+        T().translate([0, -0.35, 1]) @ T(np.array([[1.5, 0, 0, 0], [0, 0.15, -0.9, 0], [0, 0.9, 0.15, 0], [0, 0, 0, 1.0]])),
+        bsdf={"type": "thindielectric", "int_ior": 1.5, "ext_ior": 1.0})},
+    "bulb_point": {"floor": FLOOR, "block": cube(BLOCK, GREY), "sensor": sensor(),
+                   "light": {"type": "point", "position": [-1, -2, 3], "intensity": rgb(10, 9, 8)}},
+    "spot": {"floor": FLOOR, "block": cube(BLOCK, GREY), "sensor": sensor(),
+             "light": {"type": "spot", "to_world": T().look_at([-1, -2, 4], [0.3, 0.2, 0], [0, 0, 1]), "cutoff_angle": 20,
+                       "beam_width": 19.9999, "intensity": rgb(30, 30, 24)}},
+    "sun": {"floor": FLOOR, "wall": WALL, "block": cube(BLOCK, GREY), "sensor": sensor(),
+            "light": {"type": "directional", "direction": [-1, 2, -3], "irradiance": rgb(2, 1.8, 1.5)}},
+    "sky": {"floor": FLOOR, "block": cube(BLOCK, GREY), "sensor": sensor(), "sky": SKY},
+    "instances": {
+        "floor": FLOOR, "panel": PANEL, "sky": SKY, "sensor": sensor(),
+        "group": {"type": "shapegroup", "cube": {"type": "cube", "bsdf": BLUE}},
+        "first": {"type": "instance", "group": {"type": "ref", "id": "group"}, "to_world":
+                  T().translate([-1, 0, 0.5]) @ T().rotate([0, 0, 1], 20) @ T().scale([0.5, 0.3, 0.5])},
+        "second": {"type": "instance", "group": {"type": "ref", "id": "group"}, "to_world":
+                   T().translate([0.8, 0.4, 0.9]) @ T().rotate([0.5**0.5, 0.5**0.5, 0], -35) @ T().scale([-0.6, 0.5, 0.4])}},
+    "lens": {**block_of(GREY, sky=SKY), "sensor": sensor("thinlens", aperture_radius=0.25, focus_distance=4.0)},
+    "bulb": {"floor": FLOOR, "sensor": sensor(),
+             "bulb": {"type": "sphere", "center": [0.5, -0.5, 1.5], "radius": 0.4, "bsdf": BLACK,
+                      "emitter": {"type": "area", "radiance": rgb(12, 11, 10)}},
+             "cube": cube(T().translate([-1.2, 0, 0.5]) @ T().scale(0.5), GREY)},
+    "plastic": block_of({"type": "plastic", "diffuse_reflectance": rgb(0.7, 0.3, 0.1), "int_ior": 1.5, "ext_ior": 1.0,
+                         "nonlinear": True}, sky=SKY),
+    "orthographic": {**block_of(GREY, sky=SKY), "sensor": sensor("orthographic", VIEW @ T().scale([3, 3, 1]))},
+    "texture": {"panel": PANEL, "sky": SKY, "sensor": sensor(), "floor": rectangle(T().scale([8, 8, 1]), bsdf={
+        "type": "twosided", "bsdf": {"type": "diffuse", "reflectance": {
+            "type": "bitmap", "filename": str(FOLDER / "stripes.png"), "filter_type": "nearest",
+            "to_uv": T().scale([8, -4, 1])}}})},
+}
+
+
+def write_stripes(path):
+    """An 8-bit sRGB image of 4 x 3 texels, no two alike."""
+    rows = [[(20 + 60 * x, 230 - 70 * y, 40 + 50 * ((x + 2 * y) % 4)) for x in range(4)] for y in range(3)]
+    raw = b"".join(b"\0" + bytes(v for texel in row for v in texel) for row in rows)
+
+    def chunk(kind, data):
+        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+
+    path.write_bytes(b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", struct.pack(">IIBBBBB", 4, 3, 8, 2, 0, 0, 0)) +
+                     chunk(b"IDAT", zlib.compress(raw)) + chunk(b"IEND", b""))
+
+
+def write_picture(path, halves, samples):
+    channels = {}
+    for prefix, image in (("", (halves[0] + halves[1]) / 2), ("halfA.", halves[0]), ("halfB.", halves[1])):
+        for i, name in enumerate("RGB"):
+            channels[prefix + name] = np.ascontiguousarray(image[:, :, i], dtype=np.float32)
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage,
+              "spillway:half_a_spp": samples // 2, "spillway:half_b_spp": samples // 2}
+    OpenEXR.File(header, channels).write(str(path))
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("names", nargs="*", default=[])
+    parser.add_argument("--samples", type=int, default=8192)
+    arguments = parser.parse_args()
+    write_stripes(FOLDER / "stripes.png")
+    for name in arguments.names or SCENES:
+        scene = mi.load_dict({"type": "scene", "integrator": {"type": "path", "max_depth": 65}, **SCENES[name]})
+        images = [np.array(mi.render(scene, spp=arguments.samples // SEEDS, seed=seed), dtype=np.float64)
+                  for seed in range(SEEDS)]
+        halves = [np.mean(images[::2], axis=0), np.mean(images[1::2], axis=0)]
+        write_picture(FOLDER.parent / "images" / f"{name}.exr", halves, arguments.samples)
+        print(f"{name}: mean {np.mean(halves):.6f}")
+
+
+if __name__ == "__main__":
+    main()
