@@ -158,6 +158,7 @@ def main():
     parser.add_argument("--sample", type=int, metavar="N", help="run N of them")
     parser.add_argument("--seed", type=int, default=0, help="which N")
     arguments = parser.parse_args()
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(2))  # so that the directory goes, whoever ends this
     with tempfile.TemporaryDirectory(prefix="spillway-mutants-") as directory:
         try:
             return run(arguments, directory)
