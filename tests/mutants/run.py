@@ -80,7 +80,8 @@ class Copy:
         failed = re.search(r"^\[  FAILED  \] (\S+?)(?:,| \()", output, re.MULTILINE)
         if failed:
             return f"{layer}: {failed[1]}"
-        return f"{layer}: ended with {process.returncode}: " + next(iter(output.strip().splitlines()[-1:]), "")[:80]
+        code = process.returncode
+        return f"{layer}: ended " + (f"by {signal.Signals(-code).name}" if code < 0 else f"with code {code}")
 
 
 def end_group(process):
