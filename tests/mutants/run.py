@@ -54,7 +54,8 @@ class Copy:
             shutil.copy2(SOURCES / name, self.tree / name)
         call("git", "init", "-q", self.tree)  # `git apply` looks for a repository
         # Equal preprocessed text is found in ccache again, in whatever directory it was compiled.
-        self.environment = dict(os.environ, CCACHE_BASEDIR=str(directory), CCACHE_NOHASHDIR="1", TMPDIR=str(self.temporary))
+        self.environment = dict(os.environ, CCACHE_BASEDIR=str(directory), CCACHE_NOHASHDIR="1",
+                                TMPDIR=str(self.temporary))
 
     def configure(self):
         call("cmake", "--preset", "release", "-B", self.build, "-DSPILLWAY_BENCH=OFF", cwd=self.tree, env=self.environment)
@@ -66,9 +67,9 @@ class Copy:
         """What is wrong with the layer, as its test program sees it; None when it passes."""
         program = f"{layer}_tests"
         call("cmake", "--build", self.build, "--target", program, "--parallel", str(self.jobs), env=self.environment)
-        process = subprocess.Popen([self.build / program, "--gtest_brief=1", "--gtest_fail_fast"], text=True, errors="replace",
-                                   stdout=subprocess.PIPE, stderr=subprocess.STDOUT, start_new_session=True,
-                                   env=self.environment, cwd=self.build)
+        process = subprocess.Popen([self.build / program, "--gtest_brief=1", "--gtest_fail_fast"], cwd=self.build,
+                                   env=self.environment, start_new_session=True, stdout=subprocess.PIPE,
+                                   stderr=subprocess.STDOUT, text=True, errors="replace")
         try:
             output, _ = process.communicate(timeout=TEST_SECONDS)
         except subprocess.TimeoutExpired:

@@ -122,7 +122,8 @@ TEST_F(PackImageTest, a_footprint_of_two_texels_sees_the_second_level) {
   ASSERT_TRUE(info);
   const auto cache = open(*info);
   const auto seen = [&](double texels) {
-    return look_up(*cache, at(36.5, 0.5, TexelFilter::point, WrapMode::repeat, static_cast<float>(texels / kWidth))).value[0] * 255;
+    const auto width_uv = static_cast<float>(texels / kWidth);
+    return look_up(*cache, at(36.5, 0.5, TexelFilter::point, WrapMode::repeat, width_uv)).value[0] * 255;
   };
   const auto mean = [](uint32_t size) {  // of the texels that (36, 0) is averaged with
     uint32_t sum = 0;

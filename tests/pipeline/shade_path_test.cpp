@@ -206,8 +206,9 @@ TEST(ShadePath, alpha_stops_its_share_independently_of_all_else_that_is_sampled)
   constexpr double kTolerance = 4 * 0.46 / 141;
   EXPECT_NEAR(share([](const HitRecord&) { return 1; }), 0.3, kTolerance);
   for (uint32_t slot = 0; slot < shading::kSlotFirstBounce + 4 * shading::kSlotsPerBounce; ++slot) {
-    EXPECT_NEAR(share([&](const HitRecord& hit) { return sample_2d(sample_key(hit.path, 0), slot).x; }), 0.15, kTolerance) << slot;
-    EXPECT_NEAR(share([&](const HitRecord& hit) { return sample_2d(sample_key(hit.path, 0), slot).y; }), 0.15, kTolerance) << slot;
+    const auto sampled = [&](const HitRecord& hit) { return sample_2d(sample_key(hit.path, 0), slot); };
+    EXPECT_NEAR(share([&](const HitRecord& hit) { return sampled(hit).x; }), 0.15, kTolerance) << slot;
+    EXPECT_NEAR(share([&](const HitRecord& hit) { return sampled(hit).y; }), 0.15, kTolerance) << slot;
   }
   // A shadow ray through the same triangle, the next bounce, and the same triangle of another instance ask again.
   const auto again = [&](const auto& change) {
