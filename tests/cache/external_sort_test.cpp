@@ -4,6 +4,7 @@
 
 #include <algorithm>
 
+#include "tests/support/damage.h"
 #include "tests/support/kernel_scene.h"
 #include "tests/support/small_scene.h"
 
@@ -120,6 +121,22 @@ TEST_F(ExternalSortTest, its_memory_stays_within_the_limit) {
   ASSERT_TRUE(append(sort, keyed_items(100000, 5), 500));
   drain(sort);
   EXPECT_LE(memory_use(MemoryTag::hits).peak_bytes - before, limit);
+}
+
+TEST_F(ExternalSortTest, a_disk_that_gives_back_other_bytes_is_an_error) {
+  ExternalSort<Item> sort(options(200 << 10));
+  ASSERT_TRUE(append(sort, keyed_items(30000, 7), 1000));
+  const auto first_error = [&]() -> std::string {
+    for (size_t p = 0; p < sort.partition_count(); ++p)
+      if (const auto part = sort.partition(p); !part) return part.error().message;
+    return {};
+  };
+  for (const uint64_t offset : {0, 23, 24, 1000}) {  // the header has 24 bytes; keys follow, then records
+    ASSERT_TRUE(test::damage_scratch_file(directory_.path(), offset));
+    EXPECT_NE(first_error().find("came back damaged"), std::string::npos) << offset;
+    ASSERT_TRUE(test::damage_scratch_file(directory_.path(), offset));
+    EXPECT_EQ(first_error(), "") << offset;
+  }
 }
 
 TEST_F(ExternalSortTest, a_full_disk_says_how_much_was_in_use_and_how_much_more_was_needed) {

@@ -6,6 +6,7 @@
 #include <csignal>
 #include <numeric>
 
+#include "tests/support/damage.h"
 #include "tests/support/kernel_scene.h"
 #include "tests/support/small_scene.h"
 
@@ -86,6 +87,24 @@ TEST_F(RecordStreamTest, scratch_files_have_no_name_and_their_bytes_come_back) {
     EXPECT_EQ(scratch_->used_bytes(), 0u);
   }
   EXPECT_EQ(scratch_->used_bytes(), 0u);
+}
+
+TEST_F(RecordStreamTest, a_disk_that_gives_back_other_bytes_is_an_error_with_its_place) {
+  auto s = stream(0);
+  ASSERT_TRUE(s.append(numbers(50000)));
+  ASSERT_TRUE(s.finish());
+  std::vector<uint64_t> out(s.records_per_block());
+  const uint64_t block_bytes = 1 << 14, header_bytes = 32;
+  for (const uint64_t offset : {uint64_t{0}, header_bytes - 1, header_bytes, uint64_t{9999}}) {
+    ASSERT_TRUE(test::damage_scratch_file(directory_.path(), 2 * block_bytes + offset));
+    const Status status = s.read(2 * s.records_per_block(), out);
+    ASSERT_FALSE(status) << offset;
+    for (const char* part : {"paths", "block 2", "byte 32768", "damaged"})
+      EXPECT_NE(status.error().message.find(part), std::string::npos) << status.error().message;
+    EXPECT_TRUE(s.read(s.records_per_block(), out)) << "the block before is as it was";
+    ASSERT_TRUE(test::damage_scratch_file(directory_.path(), 2 * block_bytes + offset));
+    EXPECT_TRUE(s.read(2 * s.records_per_block(), out)) << "and so is this one, once the bit is flipped back";
+  }
 }
 
 TEST_F(RecordStreamTest, a_disk_that_is_full_is_an_error_that_says_how_much_was_needed) {

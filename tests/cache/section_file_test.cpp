@@ -2,9 +2,11 @@
 
 #include <gtest/gtest.h>
 
+#include <cstring>
 #include <fstream>
 #include <numeric>
 
+#include "cache/base/hash.h"
 #include "tests/support/small_scene.h"
 
 namespace spillway::cache {
@@ -53,6 +55,8 @@ TEST_F(SectionFileTest, every_prefix_and_every_flipped_byte_is_refused_by_name) 
     const Status status = read(bytes_.substr(0, size));
     ASSERT_FALSE(status) << size;
     ASSERT_NE(status.error().message.find(path_.string()), std::string::npos);
+    // Once there is a header the size decides, before anything is followed that it says.
+    ASSERT_TRUE(size < 32 || status.error().message.find("cut short") != std::string::npos) << status.error().message;
   }
   for (size_t i = 0; i < bytes_.size(); ++i) {
     std::string damaged = bytes_;
@@ -60,6 +64,22 @@ TEST_F(SectionFileTest, every_prefix_and_every_flipped_byte_is_refused_by_name) 
     ASSERT_FALSE(read(damaged)) << i;
   }
   EXPECT_TRUE(read(bytes_));
+}
+
+// Under a right checksum of the header: what lies outside must not even be looked at.
+TEST_F(SectionFileTest, a_section_that_leaves_the_file_is_refused) {
+  constexpr size_t kChecksumAt = 24, kHeaderBytes = 32, kEntryBytes = 56, kOffsetAt = 32, kSizeAt = 40;
+  for (const size_t field : {kOffsetAt, kSizeAt})
+    for (const uint64_t value : {uint64_t{bytes_.size()} + 64, uint64_t{1} << 40, UINT64_MAX - 63}) {
+      std::string damaged = bytes_;
+      std::memcpy(damaged.data() + kHeaderBytes + field, &value, sizeof value);
+      std::memset(damaged.data() + kChecksumAt, 0, sizeof(uint64_t));
+      const uint64_t sum = checksum(damaged.data() + kHeaderBytes, 2 * kEntryBytes, checksum(damaged.data(), kHeaderBytes));
+      std::memcpy(damaged.data() + kChecksumAt, &sum, sizeof sum);
+      const Status status = read(damaged);
+      ASSERT_FALSE(status) << field << ' ' << value;
+      EXPECT_NE(status.error().message.find("outside the file"), std::string::npos) << status.error().message;
+    }
 }
 
 TEST_F(SectionFileTest, another_kind_or_version_is_said_to_be_one) {

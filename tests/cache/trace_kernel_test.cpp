@@ -157,6 +157,37 @@ TEST(TraceKernel, every_tree_over_the_same_triangles_gives_the_same_bits) {
   EXPECT_GT(hits, 100000);
 }
 
+// Roundings of the largest coordinate, in which the box is padded and the point below computed.
+bool lies_in_box_of(const PackTriangle& triangle, const TraceRay& ray, float t) {
+  Bounds3 box;
+  for (const Float3& v : triangle.vertex) box.grow(v);
+  const double margin = 16 * 0x1p-24 * std::max({max_abs(ray.origin_world), max_abs(box.lower), max_abs(box.upper)});
+  for (int a = 0; a < 3; ++a) {
+    const double at = static_cast<double>(ray.origin_world[a]) + static_cast<double>(t) * ray.direction_world[a];
+    if (at < box.lower[a] - margin || at > box.upper[a] + margin) return false;
+  }
+  return true;
+}
+
+TEST(TraceKernel, a_grazing_hit_lies_in_the_box_of_its_triangle) {
+  Random random(14);
+  int hits = 0;
+  for (int i = 0; i < 20000; ++i) {
+    const Float3 p = random.point(10);
+    const PackTriangle triangle{{p, p + random.point(3), p + random.point(3)}, 0};
+    const KernelScene scene = scene_of({&triangle, 1}, 1);
+    const Float3 along = triangle.vertex[1] - triangle.vertex[0], across = triangle.vertex[2] - triangle.vertex[0];
+    const Float3 inside = triangle.vertex[0] + along * 0.3f + across * 0.3f, normal = normalize(cross(along, across));
+    const Float3 direction = along * random.in(-1, 1) + across * random.in(-1, 1) + normal * std::exp2(random.in(-24, -12));
+    const TraceRay ray{inside - direction * 3, INFINITY, direction, 0};
+    const TraceHit hit = scene.trace(ray);
+    if (hit.prim == PrimId::kNone) continue;
+    ++hits;
+    ASSERT_TRUE(lies_in_box_of(triangle, ray, hit.t)) << i;
+  }
+  EXPECT_GT(hits, 5000);
+}
+
 // Found in a real scene: bevels half a millimetre wide and metres long, and rays that leave beside them. The rounding of t
 // exceeds the distance: alone (no box above it) the triangle was hit, below the boxes of a tree it was not.
 TEST(TraceKernel, a_sliver_alone_and_in_a_tree_is_hit_alike) {

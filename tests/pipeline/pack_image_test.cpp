@@ -106,6 +106,38 @@ TEST_F(PackImageTest, beyond_the_edge_is_what_the_wrap_mode_says) {
   EXPECT_EQ(point(-3.5, 5.5, WrapMode::black), 0);
 }
 
+TEST_F(PackImageTest, the_first_texel_follows_the_last_where_an_image_repeats) {
+  const auto info = pack();
+  ASSERT_TRUE(info);
+  const auto cache = open(*info);
+  const double first = byte_at(0, 5, 0) / 255.0, last = byte_at(kWidth - 1, 5, 0) / 255.0;
+  EXPECT_NEAR(look_up(*cache, at(0.25, 5.5, TexelFilter::bilinear)).value[0], 0.75 * first + 0.25 * last, 2e-4);
+  EXPECT_NEAR(look_up(*cache, at(kWidth - 0.25, 5.5, TexelFilter::bilinear)).value[0], 0.25 * first + 0.75 * last, 2e-4);
+  const double top = byte_at(9, 0, 0) / 255.0, bottom = byte_at(9, kHeight - 1, 0) / 255.0;
+  EXPECT_NEAR(look_up(*cache, at(9.5, 0.25, TexelFilter::bilinear)).value[0], 0.75 * top + 0.25 * bottom, 2e-4);
+}
+
+TEST_F(PackImageTest, a_footprint_of_two_texels_sees_the_second_level) {
+  const auto info = pack();
+  ASSERT_TRUE(info);
+  const auto cache = open(*info);
+  const auto seen = [&](double texels) {
+    const auto width_uv = static_cast<float>(texels / kWidth);
+    return look_up(*cache, at(36.5, 0.5, TexelFilter::point, WrapMode::repeat, width_uv)).value[0] * 255;
+  };
+  const auto mean = [](uint32_t size) {  // of the texels that (36, 0) is averaged with
+    uint32_t sum = 0;
+    for (uint32_t y = 0; y < size; ++y)
+      for (uint32_t x = 0; x < size; ++x) sum += byte_at(36 / size * size + x, y, 0);
+    return static_cast<float>(sum) / static_cast<float>(size * size);
+  };
+  EXPECT_EQ(seen(0.5), byte_at(36, 0, 0));
+  EXPECT_EQ(seen(1.9), byte_at(36, 0, 0));
+  EXPECT_NEAR(seen(2.1), mean(2), 0.501f);  // rounded to 8 bits
+  EXPECT_NEAR(seen(3.9), mean(2), 0.501f);
+  EXPECT_GT(std::fabs(mean(2) - static_cast<float>(byte_at(36, 0, 0))), 100);
+}
+
 TEST_F(PackImageTest, a_footprint_of_the_whole_image_sees_its_mean) {
   const auto info = pack();
   ASSERT_TRUE(info);

@@ -82,6 +82,17 @@ TEST(Plan, what_the_user_fixes_is_kept) {
   EXPECT_FALSE(plan_render(large_scene(), o)->spills);
 }
 
+TEST(Plan, what_is_in_memory_before_anything_is_loaded_is_taken_off_the_budget) {
+  PlanOptions o = budget(2 * kGiB);
+  const auto with_floor = plan_render(large_scene(), o);
+  o.memory_bytes -= o.floor_bytes, o.floor_bytes = 0;
+  const auto without = plan_render(large_scene(), o);
+  ASSERT_TRUE(with_floor && without);
+  EXPECT_EQ(with_floor->memory_bytes, without->memory_bytes + 120 * kMiB);
+  EXPECT_EQ(with_floor->wave_paths, without->wave_paths);
+  EXPECT_EQ(with_floor->page_bytes, without->page_bytes);
+}
+
 TEST(Plan, large_waves_get_epochs_that_fill_them) {
   PlanOptions o = budget(0);
   o.wave_paths = 32 << 20;

@@ -316,6 +316,8 @@ TEST(pbrt, normals_take_the_inverse_transpose_and_lead_the_geometric_side) {
   }
   const Imported squashed = import_world("Scale 2 1 1\n" + with_normals("1 0 1"));
   expect_near(squashed.sink.meshes[0].normals[0], normalize(Float3{0.5f, 0, 1}));
+  const Imported turned = import_world("Rotate 90 1 0 0\n" + with_normals("0 0 1"));  // not its own transpose
+  expect_near(turned.sink.meshes[0].normals[0], {0, -1, 0});
   EXPECT_GT(import_world("Scale -1 1 1\n" + with_normals("0 0 1")).sink.meshes[0].normals[0].z, 0);
   EXPECT_LT(import_world("ReverseOrientation\n" + with_normals("0 0 1")).sink.meshes[0].normals[0].z, 0);
 }
