@@ -30,7 +30,8 @@ double twist(const std::array<T, 4>& corner) {
 // The error falls with the square of the steps; what float rounding makes of a parallelogram is none.
 uint32_t steps_for(double twist) {
   if (!(twist > 1e-5)) return 1;
-  return std::clamp(static_cast<uint32_t>(std::ceil(std::sqrt(twist / 4 / kPatchError))), 1u, kMostSteps);
+  const double steps = std::ceil(std::sqrt(twist / 4 / kPatchError));  // beyond any integer where corners fold together
+  return static_cast<uint32_t>(std::clamp<double>(steps, 1, kMostSteps));
 }
 
 struct Patch {
