@@ -285,8 +285,8 @@ class Importer {
     return error_at(name.place, "color space {} is not supported: use \"srgb\"", to_string(name));
   }
 
-  Status world_begin(Tokenizer&, const Token&) {
-    SPILLWAY_ASSIGN(const pipeline::SceneSettings settings, build_settings(session_, options_));
+  Status world_begin(Tokenizer&, const Token& directive) {
+    SPILLWAY_ASSIGN(const pipeline::SceneSettings settings, build_settings(session_, options_, directive.place));
     session_.sink.set_settings(settings);
     in_world_ = true;
     state_.transform = {};

@@ -247,8 +247,8 @@ Status read_integrator(Session& session, const Waiting& waiting, pipeline::Rende
   return waiting.params.check_all_used(session, fmt::format("Integrator \"{}\"", waiting.type));
 }
 
-Waiting or_default(const std::optional<Waiting>& given, const char* type) {
-  return given ? *given : Waiting{type, {}, {}};
+Waiting or_default(const std::optional<Waiting>& given, const char* type, Place world_begin) {
+  return given ? *given : Waiting{type, {}, world_begin};
 }
 
 }  // namespace
@@ -272,17 +272,17 @@ Status read_option(Session& session, const ParamList& params, SceneOptions& opti
   return {};
 }
 
-Result<SceneSettings> build_settings(Session& session, const SceneOptions& options) {
+Result<SceneSettings> build_settings(Session& session, const SceneOptions& options, Place world_begin) {
   SceneSettings settings;
-  const Waiting camera = or_default(options.camera, "perspective");
+  const Waiting camera = or_default(options.camera, "perspective", world_begin);
   settings.camera.world_from_camera = options.camera_from_world.inverse().affine();
   settings.render.seed = static_cast<uint32_t>(options.seed);
   SPILLWAY_TRY(read_shutter(camera, settings.camera));
-  SPILLWAY_TRY(read_film(session, or_default(options.film, "rgb"), settings));
+  SPILLWAY_TRY(read_film(session, or_default(options.film, "rgb", world_begin), settings));
   SPILLWAY_TRY(read_camera(session, camera, settings.camera));
-  SPILLWAY_TRY(read_filter(session, or_default(options.filter, "gaussian"), settings.filter));
-  SPILLWAY_TRY(read_sampler(session, or_default(options.sampler, "sobol"), settings.render));
-  SPILLWAY_TRY(read_integrator(session, or_default(options.integrator, "path"), settings.render));
+  SPILLWAY_TRY(read_filter(session, or_default(options.filter, "gaussian", world_begin), settings.filter));
+  SPILLWAY_TRY(read_sampler(session, or_default(options.sampler, "sobol", world_begin), settings.render));
+  SPILLWAY_TRY(read_integrator(session, or_default(options.integrator, "path", world_begin), settings.render));
   return settings;
 }
 
