@@ -121,6 +121,16 @@ Status read_shutter(const Waiting& waiting, shading::Camera& camera) {
   return error_at(waiting.place, "the shutter must close after it opens");
 }
 
+// What was read as finite may not be so any more once it is inverted, scaled or rounded.
+bool is_finite(const shading::Camera& camera) {
+  bool finite = true;
+  for (const float number : {camera.tan_half_fov_x, camera.tan_half_fov_y, camera.screen_center_x, camera.screen_center_y})
+    finite = finite && std::isfinite(number);
+  for (const auto& row : camera.world_from_camera.m)
+    for (const float number : row) finite = finite && std::isfinite(number);
+  return finite;
+}
+
 Status read_camera(Session& session, const Waiting& waiting, shading::Camera& camera) {
   camera.is_orthographic = waiting.type == "orthographic";
   if (waiting.type != "perspective" && !camera.is_orthographic) {
@@ -148,6 +158,7 @@ Status read_camera(Session& session, const Waiting& waiting, shading::Camera& ca
   if (!(camera.lens_radius >= 0 && camera.focal_distance > 0)) {
     return error_at(waiting.place, "\"lensradius\" must be at least 0, \"focaldistance\" above 0");
   }
+  if (!is_finite(camera)) return error_at(waiting.place, "the camera's transform or window is too large for 32-bit floats");
   return params.check_all_used(session, fmt::format("Camera \"{}\"", waiting.type));
 }
 
