@@ -190,6 +190,7 @@ TEST(pbrt_errors, materials_are_checked) {
       {with("\"diffuse\" \"float roughness\" 1"),
        "scene.pbrt:2:20: Material \"diffuse\" has no parameter \"float roughness\""},
       {with("\"diffuse\" \"spectrum reflectance\" \"grass\""), "scene.pbrt:2:20: \"spectrum reflectance\" takes pairs"},
+      {with("\"diffuse\" \"spectrum reflectance\" [500 1 500 1]"), "scene.pbrt:2:20: \"reflectance\" takes pairs"},
       {with("\"diffuse\" \"string normalmap\" \"n.png\" \"float displacement\" 1"),
        "scene.pbrt:2:20: a material takes \"normalmap\" or \"displacement\""},
       {with("\"diffusetransmission\" \"float scale\" -1"), "scene.pbrt:2:10: \"scale\" must not be negative"},
