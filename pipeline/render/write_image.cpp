@@ -99,7 +99,8 @@ void put(std::byte* out, Rgb c) { put(out, c.r), put(out, c.g), put(out, c.b); }
 
 void put_half(std::byte* out, Rgb c) {
   const auto half = [](float x) {
-    return _cvtss_sh(std::clamp(x, -kLargestHalf, kLargestHalf), _MM_FROUND_TO_NEAREST_INT);
+    const __m128 clamped = _mm_set_ss(std::clamp(x, -kLargestHalf, kLargestHalf));
+    return static_cast<uint16_t>(_mm_cvtsi128_si32(_mm_cvtps_ph(clamped, _MM_FROUND_TO_NEAREST_INT)));
   };
   put(out, half(c.r)), put(out, half(c.g)), put(out, half(c.b));
 }

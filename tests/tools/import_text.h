@@ -38,7 +38,7 @@ struct Imported {
 inline Imported import_text(std::string_view text, bool lenient = false) {
   Imported imported;
   const std::filesystem::path path = write_file("scene.pbrt", text);
-  const Status status = import_pbrt(path, imported.sink, ImportOptions{lenient}, imported.report);
+  const Status status = import_pbrt(path, imported.sink, ImportOptions{.lenient = lenient}, imported.report);
   if (!status) imported.error = status.error().message;
   const std::string folder = path.parent_path().string() + "/";
   for (std::string* message : {&imported.error}) {

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "tests/tools/import_text.h"
@@ -120,6 +121,12 @@ TEST(pbrt_errors, settings_are_checked) {
       {"Camera \"perspective\" \"float screenwindow\" [1 -1 0 1] WorldBegin",
        "scene.pbrt:1:22: \"screenwindow\" takes"},
       {"Camera \"perspective\" \"float shutterclose\" 0 WorldBegin", "scene.pbrt:1:8: the shutter must close"},
+      {"Camera \"perspective\" \"float shutterclose\" 3e38 \"float shutteropen\" -3e38\n WorldBegin",
+       "scene.pbrt:2:2: the film gathers no light"},
+      {"Scale 1e-105 1e-105 1e-105\nCamera \"perspective\" WorldBegin",
+       "scene.pbrt:2:8: the camera's transform or window is too large"},
+      {"Camera \"orthographic\" \"float screenwindow\" [-3e38 3e38 -1 1] WorldBegin",
+       "scene.pbrt:1:8: the camera's transform or window is too large"},
       {"Film \"rgb\" \"integer xresolution\" 0 WorldBegin", "scene.pbrt:1:6: a resolution of 0 x 720"},
       {"Film \"rgb\" \"float iso\" 0 WorldBegin", "scene.pbrt:1:6: the film gathers no light"},
       {"Film \"rgb\" \"float cropwindow\" [0.5 0.5 0 1] WorldBegin", "scene.pbrt:1:12: the crop holds no pixel"},
@@ -184,6 +191,7 @@ TEST(pbrt_errors, materials_are_checked) {
       {with("\"diffuse\" \"float roughness\" 1"),
        "scene.pbrt:2:20: Material \"diffuse\" has no parameter \"float roughness\""},
       {with("\"diffuse\" \"spectrum reflectance\" \"grass\""), "scene.pbrt:2:20: \"spectrum reflectance\" takes pairs"},
+      {with("\"diffuse\" \"spectrum reflectance\" [500 1 500 1]"), "scene.pbrt:2:20: \"reflectance\" takes pairs"},
       {with("\"diffuse\" \"string normalmap\" \"n.png\" \"float displacement\" 1"),
        "scene.pbrt:2:20: a material takes \"normalmap\" or \"displacement\""},
       {with("\"diffusetransmission\" \"float scale\" -1"), "scene.pbrt:2:10: \"scale\" must not be negative"},
@@ -278,6 +286,25 @@ TEST(pbrt_errors, parameters_and_attributes_are_not_without_number) {
   for (int i = 0; i < 300; ++i) many += fmt::format("Attribute \"shape\" \"float p{}\" 1\n", i);
   expect_errors(
       {{one, "scene.pbrt:258:1: more than 256 parameters"}, {many, "scene.pbrt:257:11: more than 256 attributes"}});
+}
+
+TEST(pbrt_errors, instanced_emitters_are_not_without_number) {
+  std::string text = "WorldBegin\nObjectBegin \"a\" AreaLightSource \"diffuse\"\n";
+  for (int i = 0; i < 3; ++i) text += kTriangle;
+  text += "ObjectEnd\n";
+  for (int i = 0; i < 3; ++i) text += "ObjectInstance \"a\"\n";
+  ImportOptions options;
+  const auto path = write_file("scene.pbrt", text);
+  for (const auto& [most, line] : {std::pair{2, 5}, {8, 8}, {11, 9}, {12, 0}}) {
+    RecordingSink sink;
+    ImportReport report;
+    options.most_instanced_emitters = static_cast<uint64_t>(most);
+    const Status status = import_pbrt(path, sink, options, report);
+    const std::string want = fmt::format(":{}:1: objects and their instances hold more than {} emitting", line, most);
+    EXPECT_EQ(static_cast<bool>(status), line == 0);
+    if (!status) EXPECT_NE(status.error().message.find(want), std::string::npos) << status.error().message;
+    EXPECT_LE(sink.triangle_count, options.most_instanced_emitters);
+  }
 }
 
 TEST(pbrt_errors, folders_and_compressed_files_are_named) {

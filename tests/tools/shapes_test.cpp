@@ -174,9 +174,28 @@ TEST(shapes, vertices_of_a_subdivision_lie_on_the_limit_surface) {
   }
 }
 
+TEST(shapes, patches_take_no_more_memory_than_is_given) {
+  ImportOptions options;
+  const auto path = write_file("scene.pbrt",
+                               "WorldBegin\nShape \"bilinearmesh\" \"point3 P\" [0 0 0 0 1 0 0 1 0 1e-20 0 0] "
+                               "\"integer indices\" [0 1 2 3 0 1 2 3]");
+  for (const uint64_t most_bytes : {100000, 300000, 400000}) {  // two patches of 182804 bytes
+    RecordingSink sink;
+    ImportReport report;
+    options.most_diced_bytes = most_bytes;
+    const Status status = import_pbrt(path, sink, options, report);
+    EXPECT_EQ(static_cast<bool>(status), most_bytes == 400000);
+    const std::string want = ":2:1: this bilinearmesh takes more than " + std::to_string(most_bytes);
+    if (!status) EXPECT_NE(status.error().message.find(want), std::string::npos) << status.error().message;
+  }
+}
+
 TEST(shapes, subdivisions_that_cannot_be_are_refused) {
   for (const char* more : {"\"integer levels\" -1", "\"integer levels\" 13"})
     EXPECT_TRUE(starts_with(import_world("Shape " + std::string(kOctahedron) + more).error, "scene.pbrt:2:")) << more;
+  // Of 280 bytes a triangle in a gigabyte.
+  const std::string many = import_world("Shape " + std::string(kOctahedron) + "\"integer levels\" 11").error;
+  EXPECT_NE(many.find("at most 3834792 triangles"), std::string::npos) << many;
   // Three triangles at one edge.
   const Imported imported = import_world(
       "Shape \"loopsubdiv\" \"point3 P\" [0 0 0 1 0 0 0 1 0 0 -1 0 0 0 1] \"integer indices\" [0 1 2 0 1 3 0 1 4]");

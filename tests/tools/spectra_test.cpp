@@ -59,6 +59,8 @@ TEST(spectra, piecewise_linear_spectra_are_zero_outside) {
   EXPECT_EQ(spectrum_at(pairs, 575), 0.75f);
   EXPECT_EQ(spectrum_at(pairs, 601), 0);
   EXPECT_EQ(spectrum_at(std::span(pairs).first(2), 400), 0);
+  constexpr float kWide[] = {400, -3e38f, 600, 3e38f};
+  EXPECT_EQ(spectrum_at(kWide, 500), 0);  // the difference of the two is no float
 }
 
 TEST(spectra, light_spectra_are_integrated) {

@@ -30,7 +30,8 @@ double twist(const std::array<T, 4>& corner) {
 // The error falls with the square of the steps; what float rounding makes of a parallelogram is none.
 uint32_t steps_for(double twist) {
   if (!(twist > 1e-5)) return 1;
-  return std::clamp(static_cast<uint32_t>(std::ceil(std::sqrt(twist / 4 / kPatchError))), 1u, kMostSteps);
+  const double steps = std::ceil(std::sqrt(twist / 4 / kPatchError));  // beyond any integer where corners fold together
+  return static_cast<uint32_t>(std::clamp<double>(steps, 1, kMostSteps));
 }
 
 struct Patch {
@@ -57,9 +58,15 @@ void add_patch(const Patch& patch, bool has_normals, PlyMesh& mesh) {
     }
 }
 
+// Room that vectors keep to grow is not counted: at most as much again.
+uint64_t bytes_of(const PlyMesh& mesh) {
+  return mesh.positions.size() * sizeof(Float3) + mesh.normals.size() * sizeof(Float3) +
+         mesh.uvs.size() * sizeof(Float2) + mesh.indices.size() * sizeof(uint32_t);
+}
+
 }  // namespace
 
-Result<PlyMesh> dice_bilinear_mesh(const ParamList& params, Place place) {
+Result<PlyMesh> dice_bilinear_mesh(const ParamList& params, Place place, uint64_t most_bytes) {
   PlyMesh corners;
   SPILLWAY_TRY(read_vertices(params, "bilinearmesh", place, corners));
   SPILLWAY_TRY(read_corners(params, "bilinearmesh", place, 4, corners));
@@ -74,6 +81,8 @@ Result<PlyMesh> dice_bilinear_mesh(const ParamList& params, Place place) {
       if (!corners.uvs.empty()) patch.uv[c] = corners.uvs[vertex];
     }
     add_patch(patch, !corners.normals.empty(), mesh);
+    if (bytes_of(mesh) > most_bytes)
+      return error_at(place, "this bilinearmesh takes more than {} bytes as triangles: split it", most_bytes);
   }
   return mesh;
 }

@@ -285,8 +285,8 @@ class Importer {
     return error_at(name.place, "color space {} is not supported: use \"srgb\"", to_string(name));
   }
 
-  Status world_begin(Tokenizer&, const Token&) {
-    SPILLWAY_ASSIGN(const pipeline::SceneSettings settings, build_settings(session_, options_));
+  Status world_begin(Tokenizer&, const Token& directive) {
+    SPILLWAY_ASSIGN(const pipeline::SceneSettings settings, build_settings(session_, options_, directive.place));
     session_.sink.set_settings(settings);
     in_world_ = true;
     state_.transform = {};
@@ -381,6 +381,7 @@ class Importer {
     SPILLWAY_ASSIGN(ReadShape shape, read_shape(session_, textures_, type.text, params, directive.place, shape_state));
     if (object_ == nullptr) return send_shape(session_, std::move(shape));
     if (shape.emits()) {
+      SPILLWAY_TRY(count_emitter(shape, directive.place));
       object_->emitters.push_back(std::move(shape));
       return {};
     }
@@ -429,12 +430,21 @@ class Importer {
       const Status added = session_.sink.add_instance(object.index, state_.transform.affine());
       if (!added) return error_at(directive.place, "{}", added.error().message);
     }
-    for (ReadShape emitter : object.emitters) {
+    for (const ReadShape& kept : object.emitters) {
+      SPILLWAY_TRY(count_emitter(kept, directive.place));
+      ReadShape emitter = kept;
       emitter.state.object_from_shape = state_.transform * emitter.state.object_from_shape;
       SPILLWAY_TRY(send_shape(session_, std::move(emitter)));
     }
     ++session_.report.instance_count;
     return {};
+  }
+
+  Status count_emitter(const ReadShape& shape, const Place& place) {
+    emitter_count_ += shape.mesh.indices.size() / 3;
+    const uint64_t most = session_.options.most_instanced_emitters;
+    if (emitter_count_ <= most) return {};
+    return error_at(place, "objects and their instances hold more than {} emitting triangles", most);
   }
 
   static const std::array<Directive, 40> kDirectives;
@@ -448,6 +458,7 @@ class Importer {
   std::map<std::string, Transform> systems_;
   std::map<std::string, Object> objects_;
   Object* object_ = nullptr;  // the one being defined
+  uint64_t emitter_count_ = 0;
   SceneOptions options_;
   bool in_world_ = false;
 };

@@ -5,7 +5,7 @@
 // In: a .pbrt file and what it includes. Out: calls of the sink, children before what uses them: settings (at
 // WorldBegin), images, textures and materials (when the first shape uses them), lights, objects, meshes, instances.
 // finish() is left to the caller.
-// Memory: one mesh, the emitting meshes of objects, and the named materials and textures.
+// Memory: one mesh, the emitting meshes of objects (both have limits in the options), and the named materials and textures.
 // Fails: `file:line:column: what, and what to do`; the sink has then heard a part of the scene and must be dropped.
 // The text of a scene is a stranger's: no input may crash the importer or make it use memory out of proportion.
 
@@ -21,6 +21,10 @@ namespace spillway::tools {
 
 struct ImportOptions {
   bool lenient = false;  // unknown and unsupported things that can be left out become warnings
+  // What one shape may take that a few numbers describe: a bilinearmesh, a loopsubdiv. Of memory.
+  uint64_t most_diced_bytes = 1 << 30;
+  // Emitting triangles of objects: kept until the end of the scene, and sent again, a light each, with each instance.
+  uint64_t most_instanced_emitters = 16 << 20;
 };
 
 inline constexpr size_t kMaxWarnings = 1000;  // kept; all are counted

@@ -72,7 +72,8 @@ Result<Float3> direction(const ParamList& params, Place place) {
 Result<Float3> unit_axis(const ParamList& params, Place place, const Transform& world_from_light) {
   SPILLWAY_ASSIGN(const Float3 along, direction(params, place));
   const Vec3 axis = world_from_light.vector(widened(along));
-  const double size = std::sqrt(axis.x * axis.x + axis.y * axis.y + axis.z * axis.z);
+  const double size = std::hypot(axis.x, axis.y, axis.z);  // squares of a double may overflow
+  if (!(size > 0)) return error_at(place, "the transform makes the axis of this light vanish");
   return rounded({axis.x / size, axis.y / size, axis.z / size});
 }
 
@@ -138,7 +139,7 @@ Status read_environment(Session& session, const ParamList& params, const Paramet
   Float3* const axes[3] = {&light.position, &light.edge1, &light.edge2};
   for (int row = 0; row < 3; ++row) {
     const double* m = light_from_world.m[row];
-    const double size = std::sqrt(m[0] * m[0] + m[1] * m[1] + m[2] * m[2]);
+    const double size = std::hypot(m[0], m[1], m[2]);
     *axes[row] = rounded({m[0] / size, m[1] / size, m[2] / size});
   }
   light.radiance = {1, 1, 1};
@@ -198,8 +199,8 @@ Status add_light(Session& session, const std::string& type, const ParamList& par
   SPILLWAY_ASSIGN(const float scale, read_scale(params));
   light.radiance = light.radiance * scale;
   SPILLWAY_TRY(params.check_all_used(session, fmt::format("LightSource \"{}\"", type)));
-  if (!is_finite(light.radiance) || !is_finite(light.position))
-    return error_at(place, "light \"{}\" is not finite", type);
+  const bool finite = is_finite(light.radiance) && is_finite(light.position) && is_finite(light.edge1) && is_finite(light.edge2);
+  if (!finite) return error_at(place, "light \"{}\" is not finite", type);
   if (const Status added = send(session, params, light); !added) return error_at(place, "{}", added.error().message);
   ++session.report.light_count;
   return {};

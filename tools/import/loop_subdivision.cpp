@@ -67,13 +67,13 @@ PlyMesh limit_mesh(const Far::TopologyRefiner& refiner, const std::vector<Point>
 
 }  // namespace
 
-Result<PlyMesh> subdivide_loop(const ParamList& params, Place place) {
+Result<PlyMesh> subdivide_loop(const ParamList& params, Place place, uint64_t most_bytes) {
   PlyMesh cage;
   SPILLWAY_TRY(read_vertices(params, "loopsubdiv", place, cage));
   SPILLWAY_TRY(read_corners(params, "loopsubdiv", place, 3, cage));
   SPILLWAY_ASSIGN(const int32_t levels, params.integer("levels", 3));
   (void)params.find(ParamType::string, "scheme");  // pbrt knows one
-  const uint64_t most = kMostSubdividedTriangles;
+  const uint64_t most = most_bytes / kBytesPerSubdividedTriangle;
   if (levels < 0 || levels > 12 || ((cage.indices.size() / 3) << (2 * levels)) > most)
     return error_at(place, "\"levels\" is {}; it must be from 0 to 12 and make at most {} triangles", levels, most);
   const Refiner refiner = make_refiner(cage);

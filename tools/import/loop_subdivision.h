@@ -5,7 +5,7 @@
 //
 // OpenSubdiv refines. Around vertices of other than three or six triangles its weights are Loop's, pbrt's are Warren's:
 // the surfaces differ there by a little. Edges of one triangle stay edges.
-// Memory: the refined meshes of all levels; kMostSubdividedTriangles bounds them.
+// Memory: the refined meshes of all levels; `most_bytes` bounds them.
 // Fails: lists of the wrong length, indices out of range, too many levels; meshes OpenSubdiv refuses.
 
 #include "tools/import/params.h"
@@ -13,8 +13,9 @@
 
 namespace spillway::tools {
 
-inline constexpr uint64_t kMostSubdividedTriangles = 64 << 20;
+// OpenSubdiv's tables and the mesh, measured at levels 8 to 11.
+inline constexpr uint64_t kBytesPerSubdividedTriangle = 280;
 
-Result<PlyMesh> subdivide_loop(const ParamList& params, Place place);
+Result<PlyMesh> subdivide_loop(const ParamList& params, Place place, uint64_t most_bytes);
 
 }  // namespace spillway::tools

@@ -41,14 +41,6 @@ Rgb metal_from_pairs(std::span<const float> pairs) {
           spectrum_at(pairs, kRgbWavelengths_nm[2])};
 }
 
-Status check_pairs(const Parameter& spectrum) {
-  const std::vector<float>& pairs = spectrum.numbers;
-  bool ascending = pairs.size() >= 4 && pairs.size() % 2 == 0;
-  for (size_t i = 2; ascending && i < pairs.size(); i += 2) ascending = pairs[i] > pairs[i - 2];
-  if (ascending) return {};
-  return error_at(spectrum.place, "\"{}\" takes pairs of wavelength (nm, ascending) and value", spectrum.name);
-}
-
 }  // namespace
 
 MaterialTable::MaterialTable(Session& session, TextureTable& textures)

@@ -253,6 +253,14 @@ Status expect_count(const Parameter& parameter, size_t have, size_t want) {
                   want == 1 ? "" : "s", have);
 }
 
+Status check_pairs(const Parameter& spectrum) {
+  const std::vector<float>& pairs = spectrum.numbers;
+  bool ascending = pairs.size() >= 4 && pairs.size() % 2 == 0;
+  for (size_t i = 2; ascending && i < pairs.size(); i += 2) ascending = pairs[i] > pairs[i - 2];
+  if (ascending) return {};
+  return error_at(spectrum.place, "\"{}\" takes pairs of wavelength (nm, ascending) and value", spectrum.name);
+}
+
 Result<float> ParamList::real(std::string_view name, float otherwise) const {
   const Parameter* parameter = find(ParamType::real, name);
   if (parameter == nullptr) return otherwise;

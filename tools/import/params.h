@@ -79,5 +79,7 @@ Result<std::vector<double>> read_numbers(Tokenizer& tokens, size_t count, bool b
 Result<Token> read_string_token(Tokenizer& tokens, std::string_view directive);
 
 Status expect_count(const Parameter& parameter, size_t have, size_t want);
+// Of a spectrum: at least two pairs of wavelength and value, wavelengths ascending.
+Status check_pairs(const Parameter& spectrum);
 
 }  // namespace spillway::tools

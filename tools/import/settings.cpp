@@ -121,6 +121,16 @@ Status read_shutter(const Waiting& waiting, shading::Camera& camera) {
   return error_at(waiting.place, "the shutter must close after it opens");
 }
 
+// What was read as finite may not be so any more once it is inverted, scaled or rounded.
+bool is_finite(const shading::Camera& camera) {
+  bool finite = true;
+  for (const float number : {camera.tan_half_fov_x, camera.tan_half_fov_y, camera.screen_center_x, camera.screen_center_y})
+    finite = finite && std::isfinite(number);
+  for (const auto& row : camera.world_from_camera.m)
+    for (const float number : row) finite = finite && std::isfinite(number);
+  return finite;
+}
+
 Status read_camera(Session& session, const Waiting& waiting, shading::Camera& camera) {
   camera.is_orthographic = waiting.type == "orthographic";
   if (waiting.type != "perspective" && !camera.is_orthographic) {
@@ -148,6 +158,7 @@ Status read_camera(Session& session, const Waiting& waiting, shading::Camera& ca
   if (!(camera.lens_radius >= 0 && camera.focal_distance > 0)) {
     return error_at(waiting.place, "\"lensradius\" must be at least 0, \"focaldistance\" above 0");
   }
+  if (!is_finite(camera)) return error_at(waiting.place, "the camera's transform or window is too large for 32-bit floats");
   return params.check_all_used(session, fmt::format("Camera \"{}\"", waiting.type));
 }
 
@@ -247,8 +258,8 @@ Status read_integrator(Session& session, const Waiting& waiting, pipeline::Rende
   return waiting.params.check_all_used(session, fmt::format("Integrator \"{}\"", waiting.type));
 }
 
-Waiting or_default(const std::optional<Waiting>& given, const char* type) {
-  return given ? *given : Waiting{type, {}, {}};
+Waiting or_default(const std::optional<Waiting>& given, const char* type, Place world_begin) {
+  return given ? *given : Waiting{type, {}, world_begin};
 }
 
 }  // namespace
@@ -272,17 +283,17 @@ Status read_option(Session& session, const ParamList& params, SceneOptions& opti
   return {};
 }
 
-Result<SceneSettings> build_settings(Session& session, const SceneOptions& options) {
+Result<SceneSettings> build_settings(Session& session, const SceneOptions& options, Place world_begin) {
   SceneSettings settings;
-  const Waiting camera = or_default(options.camera, "perspective");
+  const Waiting camera = or_default(options.camera, "perspective", world_begin);
   settings.camera.world_from_camera = options.camera_from_world.inverse().affine();
   settings.render.seed = static_cast<uint32_t>(options.seed);
   SPILLWAY_TRY(read_shutter(camera, settings.camera));
-  SPILLWAY_TRY(read_film(session, or_default(options.film, "rgb"), settings));
+  SPILLWAY_TRY(read_film(session, or_default(options.film, "rgb", world_begin), settings));
   SPILLWAY_TRY(read_camera(session, camera, settings.camera));
-  SPILLWAY_TRY(read_filter(session, or_default(options.filter, "gaussian"), settings.filter));
-  SPILLWAY_TRY(read_sampler(session, or_default(options.sampler, "sobol"), settings.render));
-  SPILLWAY_TRY(read_integrator(session, or_default(options.integrator, "path"), settings.render));
+  SPILLWAY_TRY(read_filter(session, or_default(options.filter, "gaussian", world_begin), settings.filter));
+  SPILLWAY_TRY(read_sampler(session, or_default(options.sampler, "sobol", world_begin), settings.render));
+  SPILLWAY_TRY(read_integrator(session, or_default(options.integrator, "path", world_begin), settings.render));
   return settings;
 }
 

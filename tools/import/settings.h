@@ -27,7 +27,7 @@ struct SceneOptions {
 // Option "bool name" value.
 Status read_option(Session& session, const ParamList& params, SceneOptions& options);
 
-// pbrt's defaults for what is missing. The film's file name goes into the report.
-Result<pipeline::SceneSettings> build_settings(Session& session, const SceneOptions& options);
+// pbrt's defaults for what is missing, which has its place at WorldBegin. The film's file name goes into the report.
+Result<pipeline::SceneSettings> build_settings(Session& session, const SceneOptions& options, Place world_begin);
 
 }  // namespace spillway::tools

@@ -105,8 +105,8 @@ struct ShapeReader {
 constexpr ShapeReader kShapeReaders[] = {
     {"trianglemesh", read_trianglemesh},
     {"plymesh", read_plymesh},
-    {"bilinearmesh", [](const ShapeSource& s) { return dice_bilinear_mesh(s.params, s.place); }},
-    {"loopsubdiv", [](const ShapeSource& s) { return subdivide_loop(s.params, s.place); }},
+    {"bilinearmesh", [](const ShapeSource& s) { return dice_bilinear_mesh(s.params, s.place, s.session.options.most_diced_bytes); }},
+    {"loopsubdiv", [](const ShapeSource& s) { return subdivide_loop(s.params, s.place, s.session.options.most_diced_bytes); }},
     {"sphere", read_quadric},
     {"disk", read_quadric},
     {"cylinder", read_quadric},

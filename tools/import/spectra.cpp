@@ -94,9 +94,9 @@ Rgb blackbody_rgb(float temperature_kelvin) {
 
 float spectrum_at(std::span<const float> pairs, float wavelength_nm) {
   for (size_t i = 0; i + 3 < pairs.size(); i += 2) {
-    const float a = pairs[i], b = pairs[i + 2];
+    const double a = pairs[i], b = pairs[i + 2], at_a = pairs[i + 1], at_b = pairs[i + 3];  // floats' differences overflow
     if (wavelength_nm < a || wavelength_nm > b) continue;
-    return pairs[i + 1] + (pairs[i + 3] - pairs[i + 1]) * ((wavelength_nm - a) / (b - a));
+    return static_cast<float>(at_a + (at_b - at_a) * ((wavelength_nm - a) / (b - a)));
   }
   return 0;
 }

@@ -74,9 +74,10 @@ void set_rgb(TextureNode& node, Rgb value) {
 
 Result<std::optional<Rgb>> read_rgb(const ParamList& params, std::string_view name, RgbRange range) {
   if (const Parameter* spectrum = params.find(ParamType::spectrum, name)) {
-    if (spectrum->strings.empty() && spectrum->numbers.size() >= 4 && spectrum->numbers.size() % 2 == 0)
-      return std::optional<Rgb>(reflectance_rgb(spectrum->numbers));
-    return error_at(spectrum->place, "\"spectrum {}\" takes pairs of wavelength (nm) and value here", name);
+    if (!spectrum->strings.empty())
+      return error_at(spectrum->place, "\"spectrum {}\" takes pairs of wavelength (nm) and value here", name);
+    SPILLWAY_TRY(check_pairs(*spectrum));
+    return std::optional<Rgb>(reflectance_rgb(spectrum->numbers));
   }
   const Parameter* parameter = params.find(ParamType::rgb, name);
   if (parameter == nullptr) return std::optional<Rgb>();
