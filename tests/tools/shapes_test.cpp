@@ -186,7 +186,9 @@ TEST(shapes, patches_take_no_more_memory_than_is_given) {
     const Status status = import_pbrt(path, sink, options, report);
     EXPECT_EQ(static_cast<bool>(status), most_bytes == 400000);
     const std::string want = ":2:1: this bilinearmesh takes more than " + std::to_string(most_bytes);
-    if (!status) EXPECT_NE(status.error().message.find(want), std::string::npos) << status.error().message;
+    if (!status) {
+      EXPECT_NE(status.error().message.find(want), std::string::npos) << status.error().message;
+    }
   }
 }
 
