@@ -29,7 +29,9 @@ struct Texel {
 };
 Texel texel_at(const EnvironmentMap& map, Float3 w) {
   const Float2 square = equal_area_square(w);
-  const auto index = [&](float s) { return std::min(static_cast<uint32_t>(s * static_cast<float>(map.size)), map.size - 1); };
+  const auto index = [&](float s) {
+    return std::min(static_cast<uint32_t>(s * static_cast<float>(map.size)), map.size - 1);
+  };
   return {index(square.x), index(square.y)};
 }
 
@@ -48,7 +50,8 @@ float invert(std::span<const float> cdf, float u) {
 
 }  // namespace
 
-void build_environment_cdfs(uint32_t size, std::span<const Rgb> texels, std::span<float> row_cdf, std::span<float> texel_cdf) {
+void build_environment_cdfs(uint32_t size, std::span<const Rgb> texels, std::span<float> row_cdf,
+                            std::span<float> texel_cdf) {
   for (size_t y = 0; y < size; ++y)
     accumulate(texel_cdf.subspan(y * (size + 1), size + 1), [&](size_t x) { return weight_of(texels[y * size + x]); });
   accumulate(row_cdf, [&](size_t y) {
@@ -66,7 +69,8 @@ Float3 equal_area_direction(Float2 square) {
   const float eighth = r == 0 ? 1 : (vp - up) / r + 1;  // of a quarter turn, two of them
   const SinCos phi = sin_cos_turn(eighth / 8);
   const float planar = r * std::sqrt(std::max(0.0f, 2 - r * r));
-  return {std::copysign(phi.cos * planar, u), std::copysign(phi.sin * planar, v), std::copysign(1 - r * r, signed_distance)};
+  return {std::copysign(phi.cos * planar, u), std::copysign(phi.sin * planar, v),
+          std::copysign(1 - r * r, signed_distance)};
 }
 
 Float2 equal_area_square(Float3 w) {

@@ -13,14 +13,15 @@ namespace spillway::shading {
 
 // Row by row, row 0 at square y = 0. Views of arrays that must outlive it.
 struct EnvironmentMap {
-  uint32_t size = 0;  // texels an edge; 0: no map
+  uint32_t size = 0;                 // texels an edge; 0: no map
   std::span<const Rgb> texels;       // size * size
   std::span<const float> row_cdf;    // size + 1
   std::span<const float> texel_cdf;  // size rows of size + 1
 };
 
 // Fills row_cdf and texel_cdf. A row, or an image, without light is sampled evenly.
-void build_environment_cdfs(uint32_t size, std::span<const Rgb> texels, std::span<float> row_cdf, std::span<float> texel_cdf);
+void build_environment_cdfs(uint32_t size, std::span<const Rgb> texels, std::span<float> row_cdf,
+                            std::span<float> texel_cdf);
 
 // Between the unit square and unit directions, both in the light's own frame.
 [[nodiscard]] Float3 equal_area_direction(Float2 square);

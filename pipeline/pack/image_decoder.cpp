@@ -40,7 +40,8 @@ template <class T>
 bool send_all(int socket, const T& message) {
   size_t sent = 0;
   while (sent < sizeof message) {
-    const ssize_t now = send(socket, reinterpret_cast<const char*>(&message) + sent, sizeof message - sent, MSG_NOSIGNAL);
+    const ssize_t now =
+        send(socket, reinterpret_cast<const char*>(&message) + sent, sizeof message - sent, MSG_NOSIGNAL);
     if (now < 0 && errno == EINTR) continue;
     if (now <= 0) return false;
     sent += static_cast<size_t>(now);
@@ -133,7 +134,8 @@ int ImageDecoder::stop(bool force) {
   if (socket_ < 0) return status;
   if (force) kill(process_, SIGKILL);
   close(socket_);
-  while (waitpid(process_, &status, 0) < 0 && errno == EINTR) {}
+  while (waitpid(process_, &status, 0) < 0 && errno == EINTR) {
+  }
   socket_ = -1;
   return status;
 }
@@ -160,10 +162,12 @@ Result<cache::ImageInfo> ImageDecoder::pack(const std::filesystem::path& source,
   const int status = heard ? 0 : stop(silent);
   std::filesystem::remove(textures_directory / unfinished_image_name(image_index), code);
   if (heard) return error("{}", answer.message);
-  if (silent) return error("{}: its decoder gave no answer for {} seconds", from, uint64_t{options_.time_limit_seconds} * 4);
+  if (silent)
+    return error("{}: its decoder gave no answer for {} seconds", from, uint64_t{options_.time_limit_seconds} * 4);
   if (!WIFSIGNALED(status)) return error("{}: its decoder ended with code {} and no answer", from, WEXITSTATUS(status));
-  return error("{}: its decoder was ended by signal {} ({}); the file is damaged, or needs more memory or time than allowed",
-               from, WTERMSIG(status), strsignal(WTERMSIG(status)));
+  return error(
+      "{}: its decoder was ended by signal {} ({}); the file is damaged, or needs more memory or time than allowed",
+      from, WTERMSIG(status), strsignal(WTERMSIG(status)));
 }
 
 void serve_image_decoder(int socket) {

@@ -2,11 +2,11 @@
 
 // Packs images in a child process, one after another.
 //
-// Decoders of image formats are not ours and not hardened: their crash, or their end by a limit on memory or time, is an
-// error that names the file, and the next image gets a new process. The child is the program spillway_decode_image beside
-// the running one: a process forked from one with threads could wait for ever on a lock that a thread of it held.
-// Not safe to share between threads; several decoders work side by side.
-// Fails: as pack_image, and where the program is missing or cannot be started.
+// Decoders of image formats are not ours and not hardened: their crash, or their end by a limit on memory or time, is
+// an error that names the file, and the next image gets a new process. The child is the program spillway_decode_image
+// beside the running one: a process forked from one with threads could wait for ever on a lock that a thread of it
+// held. Not safe to share between threads; several decoders work side by side. Fails: as pack_image, and where the
+// program is missing or cannot be started.
 
 #include <sys/types.h>
 

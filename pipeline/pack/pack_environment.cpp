@@ -8,8 +8,10 @@ Result<std::vector<Rgb>> pack_environment(uint32_t image, const cache::ImageInfo
                                           std::string_view name) {
   const uint32_t size = info.width;
   if (info.width != info.height || size > kMaxEnvironmentSize)
-    return error("{}: has {} x {} texels; the image of an infinite light is a square of at most {}, equal-area octahedral: "
-                 "convert it (pbrt's imgtool makeequiarea does)", name, info.width, info.height, kMaxEnvironmentSize);
+    return error(
+        "{}: has {} x {} texels; the image of an infinite light is a square of at most {}, equal-area octahedral: "
+        "convert it (pbrt's imgtool makeequiarea does)",
+        name, info.width, info.height, kMaxEnvironmentSize);
   std::vector<Rgb> texels(size_t{size} * size);
   std::vector<cache::TextureRequest> requests(size);
   std::vector<cache::Texel> row(size);

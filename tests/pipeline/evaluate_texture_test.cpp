@@ -51,7 +51,8 @@ TEST(EvaluateTexture, scale_mix_and_bilerp_do_their_arithmetic) {
 }
 
 TEST(EvaluateTexture, a_checkerboard_alternates_on_both_sides_of_zero) {
-  const TextureNode board[] = {constant(1, 1, 1), constant(0, 0, 0), node_of(TextureKind::checkerboard, {0, 1}, {2, 4})};
+  const TextureNode board[] = {constant(1, 1, 1), constant(0, 0, 0),
+                               node_of(TextureKind::checkerboard, {0, 1}, {2, 4})};
   for (int x = -5; x < 5; ++x)
     for (int y = -5; y < 5; ++y) {
       const Float2 uv{(static_cast<float>(x) + 0.3f) / 2, (static_cast<float>(y) + 0.6f) / 4};
@@ -80,7 +81,8 @@ TEST(EvaluateTexture, a_footprint_blurs_a_checkerboard) {
 
 TEST(ResolveMaterial, a_normal_map_tilts_the_normal_in_the_frame_of_dpdu) {
   const Float3 n = normalize(Float3{0.2f, -0.3f, 1});
-  for (const auto& [texel, tilt] : {std::pair{Float3{0.5f, 0.5f, 1}, Float3{0, 0, 1}}, {Float3{1, 0.5f, 1}, Float3{1, 0, 1}},
+  for (const auto& [texel, tilt] : {std::pair{Float3{0.5f, 0.5f, 1}, Float3{0, 0, 1}},
+                                    {Float3{1, 0.5f, 1}, Float3{1, 0, 1}},
                                     {Float3{0.5f, 0.25f, 0.75f}, Float3{0, -0.5f, 0.5f}}}) {
     const TextureNode map = constant(texel.x, texel.y, texel.z);
     const TextureEvaluator textures({&map, 1}, nullptr);

@@ -29,7 +29,8 @@ Camera camera(bool orthographic, float lens_radius) {
 TEST(Camera, corners_of_the_picture_see_corners_of_the_window) {
   for (const bool orthographic : {false, true}) {
     const Camera c = camera(orthographic, 0);
-    for (const auto& [raster, x, y] : {std::tuple{Float2{0, 0}, -0.7f, 0.4f}, {Float2{200, 100}, 0.9f, -0.4f}, {Float2{100, 50}, 0.1f, 0.0f}}) {
+    for (const auto& [raster, x, y] :
+         {std::tuple{Float2{0, 0}, -0.7f, 0.4f}, {Float2{200, 100}, 0.9f, -0.4f}, {Float2{100, 50}, 0.1f, 0.0f}}) {
       const CameraRay ray = camera_ray(c, raster, {0.5f, 0.5f});
       const Float3 origin = orthographic ? Float3{x, y, 0} : Float3{0, 0, 0};
       const Float3 direction = orthographic ? Float3{0, 0, 1} : normalize(Float3{x, y, 1});
@@ -51,14 +52,16 @@ TEST(Camera, a_lens_is_sharp_at_its_focal_distance_alone) {
       const Float2 raster{200 * u(), 100 * u()}, lens{u(), u()};
       const CameraRay ray = camera_ray(c, raster, lens), middle = camera_ray(sharp, raster, lens);
       const auto at_focus = [](const CameraRay& r) {
-        return r.origin_world + r.direction_world * ((8 - r.origin_world.x) / r.direction_world.x);  // the camera looks along x
+        return r.origin_world +
+               r.direction_world * ((8 - r.origin_world.x) / r.direction_world.x);  // the camera looks along x
       };
       ASSERT_LT(length(at_focus(ray) - at_focus(middle)), 2e-5f);
       const float off = length(ray.origin_world - middle.origin_world);
       ASSERT_LE(off, 0.25f * (1 + 1e-5f));
       squares += off * off;
     }
-    EXPECT_NEAR(squares / kSamples, 0.25 * 0.25 / 2, 0.25 * 0.25 / 2 * 0.02);  // uniform on a disk; four standard errors
+    EXPECT_NEAR(squares / kSamples, 0.25 * 0.25 / 2,
+                0.25 * 0.25 / 2 * 0.02);  // uniform on a disk; four standard errors
   }
 }
 
@@ -70,7 +73,8 @@ TEST(Camera, a_footprint_is_a_pixel) {
 }
 
 Filter filter(FilterKind kind, float radius, float a = 0, float b = 0) { return {kind, {radius, radius / 2}, a, b}; }
-const Filter kFilters[] = {filter(FilterKind::box, 0.5f), filter(FilterKind::triangle, 2), filter(FilterKind::gaussian, 1.5f, 0.5f),
+const Filter kFilters[] = {filter(FilterKind::box, 0.5f), filter(FilterKind::triangle, 2),
+                           filter(FilterKind::gaussian, 1.5f, 0.5f),
                            filter(FilterKind::mitchell, 2, 1 / 3.0f, 1 / 3.0f), filter(FilterKind::sinc, 4, 3)};
 
 TEST(Filter, weights_have_mean_one_and_samples_are_centred) {
@@ -102,7 +106,8 @@ TEST(Filter, samples_follow_the_filter_with_its_sign) {
     Uniform u;
     for (int i = 0; i < kSamples; ++i) {
       const FilterSample s = sampler.sample({u(), u()});
-      got[std::min(kParts - 1, static_cast<int>((s.offset_px.x / f.radius_px.x + 1) / 2 * kParts))] += s.weight / kSamples;
+      got[std::min(kParts - 1, static_cast<int>((s.offset_px.x / f.radius_px.x + 1) / 2 * kParts))] +=
+          s.weight / kSamples;
     }
     const auto value = [&](double x) {
       x = std::fabs(x);
@@ -117,7 +122,8 @@ TEST(Filter, samples_follow_the_filter_with_its_sign) {
       const double v = value(((i + 0.5) / (kParts * kFine) * 2 - 1) * f.radius_px.x);
       wanted[i / kFine] += v, sum += v;
     }
-    for (int part = 0; part < kParts; ++part) EXPECT_NEAR(got[part], wanted[part] / sum, 0.005) << static_cast<int>(f.kind) << ' ' << part;
+    for (int part = 0; part < kParts; ++part)
+      EXPECT_NEAR(got[part], wanted[part] / sum, 0.005) << static_cast<int>(f.kind) << ' ' << part;
   }
 }
 

@@ -69,7 +69,8 @@ TEST(Environment, the_map_keeps_areas) {
   constexpr int kSteps = 256;
   double z = 0, zz = 0, xy = 0, cap = 0;
   for (int i = 0; i < kSteps * kSteps; ++i) {
-    const Float3 w = equal_area_direction({(static_cast<float>(i % kSteps) + 0.5f) / kSteps, (static_cast<float>(i / kSteps) + 0.5f) / kSteps});
+    const Float3 w = equal_area_direction(
+        {(static_cast<float>(i % kSteps) + 0.5f) / kSteps, (static_cast<float>(i / kSteps) + 0.5f) / kSteps});
     z += w.z, zz += w.z * w.z, xy += w.x * w.y, cap += w.x > 0.6f;
   }
   EXPECT_NEAR(z / (kSteps * kSteps), 0, 1e-4);
@@ -104,7 +105,8 @@ TEST(Environment, texels_are_sampled_as_their_pdf_says_and_by_their_light) {
     chi_square += (seen[i] - wanted) * (seen[i] - wanted) / wanted, ++bins;
   }
   EXPECT_GT(bins, 150);
-  EXPECT_LT((chi_square - bins) / std::sqrt(2.0 * bins), 5);  // normal approximation, five deviations; the seed is fixed
+  EXPECT_LT((chi_square - bins) / std::sqrt(2.0 * bins),
+            5);  // normal approximation, five deviations; the seed is fixed
   EXPECT_NEAR(energy / kSamples, total * 4 * M_PI / 256, total * 4 * M_PI / 256 * 1e-3);
 }
 

@@ -99,7 +99,8 @@ TEST(shapes, mirrored_spheres_keep_their_outside_and_reversed_ones_lose_it) {
   const auto side_of = [](const std::string& before) {
     const Imported imported = import_world(before + " Shape \"sphere\"");
     const RecordedMesh& mesh = imported.sink.meshes.at(0);
-    const Float3 a = mesh.positions[mesh.indices[0]], b = mesh.positions[mesh.indices[1]], c = mesh.positions[mesh.indices[2]];
+    const Float3 a = mesh.positions[mesh.indices[0]], b = mesh.positions[mesh.indices[1]],
+                 c = mesh.positions[mesh.indices[2]];
     const float winding = dot(cross(b - a, c - a), a) * (mesh.input.flip_normals ? -1.0f : 1.0f);
     EXPECT_GT(winding * dot(mesh.normals[mesh.indices[0]], a), 0);
     return winding > 0;
@@ -111,8 +112,8 @@ TEST(shapes, mirrored_spheres_keep_their_outside_and_reversed_ones_lose_it) {
 }
 
 TEST(shapes, a_sphere_of_a_given_power_has_it_as_a_whole) {
-  const Imported imported =
-      import_world("AreaLightSource \"diffuse\" \"rgb L\" [1 0.5 0.25] \"float power\" 100 Shape \"sphere\" \"float radius\" 3");
+  const Imported imported = import_world(
+      "AreaLightSource \"diffuse\" \"rgb L\" [1 0.5 0.25] \"float power\" 100 Shape \"sphere\" \"float radius\" 3");
   ASSERT_EQ(imported.sink.meshes.size(), 1u);
   const RecordedMesh& mesh = imported.sink.meshes[0];
   EXPECT_NEAR(mesh.input.emission.r * M_PI * area(mesh), 100, 1e-3);
@@ -120,9 +121,10 @@ TEST(shapes, a_sphere_of_a_given_power_has_it_as_a_whole) {
 }
 
 TEST(shapes, quadrics_that_are_none_are_refused) {
-  for (const char* shape : {"\"sphere\" \"float radius\" 0", "\"sphere\" \"float zmin\" 2 \"float zmax\" 3",
-                            "\"sphere\" \"float phimax\" 0", "\"cylinder\" \"float zmin\" 1", "\"disk\" \"float radius\" -1",
-                            "\"disk\" \"float innerradius\" 1", "\"sphere\" \"float radius\" [1 2]"}) {
+  for (const char* shape :
+       {"\"sphere\" \"float radius\" 0", "\"sphere\" \"float zmin\" 2 \"float zmax\" 3",
+        "\"sphere\" \"float phimax\" 0", "\"cylinder\" \"float zmin\" 1", "\"disk\" \"float radius\" -1",
+        "\"disk\" \"float innerradius\" 1", "\"sphere\" \"float radius\" [1 2]"}) {
     const Imported imported = import_world(std::string("Shape ") + shape);
     EXPECT_TRUE(starts_with(imported.error, "scene.pbrt:2:")) << shape << ": " << imported.error;
   }
@@ -142,7 +144,8 @@ TEST(shapes, a_parallelogram_is_two_triangles_and_a_twisted_patch_keeps_to_its_e
     ASSERT_NEAR(middle.z, at.x * at.y, std::sqrt(3.0) * kPatchError);
     ASSERT_NEAR(middle.x, at.x, 1e-6);
   });
-  EXPECT_TRUE(starts_with(import_world("Shape \"bilinearmesh\" \"point3 P\" [0 0 0 1 0 0 0 1 0]").error, "scene.pbrt:2:1"));
+  EXPECT_TRUE(
+      starts_with(import_world("Shape \"bilinearmesh\" \"point3 P\" [0 0 0 1 0 0 0 1 0]").error, "scene.pbrt:2:1"));
 }
 
 constexpr const char* kOctahedron =

@@ -21,8 +21,8 @@ namespace fs = std::filesystem;
 Picture rendered(const fs::path& scene, int samples) {
   const test::TemporaryDirectory directory;
   const std::string out = directory.path() / "out.exr";
-  const std::string command = fmt::format(SPILLWAY_PROGRAM " render {} --store {} -o {} --spp {} --half-buffers -q", scene.string(),
-                                          (directory.path() / "a.store").string(), out, samples);
+  const std::string command = fmt::format(SPILLWAY_PROGRAM " render {} --store {} -o {} --spp {} --half-buffers -q",
+                                          scene.string(), (directory.path() / "a.store").string(), out, samples);
   EXPECT_EQ(std::system(command.c_str()), 0) << command;
   auto picture = read_picture(out);
   EXPECT_TRUE(picture) << picture.error().message;
@@ -52,7 +52,8 @@ class Twins : public testing::TestWithParam<const char*> {};
 TEST_P(Twins, are_equal_within_their_noise) {
   const fs::path source = SPILLWAY_SOURCE_DIR;
   const bool is_caustic = GetParam() == std::string_view("glass") || GetParam() == std::string_view("mirror");
-  const Picture ours = rendered(source / "tests/twins" / (std::string(GetParam()) + ".pbrt"), is_caustic ? 2 * kSamples : kSamples);
+  const Picture ours =
+      rendered(source / "tests/twins" / (std::string(GetParam()) + ".pbrt"), is_caustic ? 2 * kSamples : kSamples);
   const auto theirs = read_picture(source / "tests/images" / (std::string(GetParam()) + ".exr"));
   ASSERT_TRUE(theirs) << theirs.error().message;
   ASSERT_TRUE(ours.has_halves() && theirs->has_halves());
@@ -68,23 +69,26 @@ TEST_P(Twins, are_equal_within_their_noise) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Mitsuba, Twins,
-                         testing::Values("box", "bulb", "bulb_point", "glass", "instances", "lens", "mirror", "orthographic",
-                                         "plastic", "sky", "spot", "sun", "texture", "thin_glass"),
+                         testing::Values("box", "bulb", "bulb_point", "glass", "instances", "lens", "mirror",
+                                         "orthographic", "plastic", "sky", "spot", "sun", "texture", "thin_glass"),
                          [](const auto& name) { return std::string(name.param); });
 #endif
 
 // ---- scenes with an answer ----
 
-constexpr const char* kView = "LookAt 0 0 5 0 0 0 0 1 0 Camera \"perspective\" \"float fov\" 4\n"
-                              "Film \"rgb\" \"integer xresolution\" 16 \"integer yresolution\" 16 PixelFilter \"box\"\n"
-                              "Integrator \"path\" \"integer maxdepth\" 200\nWorldBegin\n";
-constexpr const char* kFloor = "Material \"diffuse\" \"rgb reflectance\" [0.5 0.5 0.5]\nShape \"trianglemesh\" \"point3 P\" "
-                               "[-90 -90 0 90 -90 0 90 90 0 -90 90 0] \"integer indices\" [0 1 2 0 2 3]\n";
+constexpr const char* kView =
+    "LookAt 0 0 5 0 0 0 0 1 0 Camera \"perspective\" \"float fov\" 4\n"
+    "Film \"rgb\" \"integer xresolution\" 16 \"integer yresolution\" 16 PixelFilter \"box\"\n"
+    "Integrator \"path\" \"integer maxdepth\" 200\nWorldBegin\n";
+constexpr const char* kFloor =
+    "Material \"diffuse\" \"rgb reflectance\" [0.5 0.5 0.5]\nShape \"trianglemesh\" \"point3 P\" "
+    "[-90 -90 0 90 -90 0 90 90 0 -90 90 0] \"integer indices\" [0 1 2 0 2 3]\n";
 constexpr const char* kBlack = "Material \"diffuse\" \"rgb reflectance\" [0 0 0]\n";
 
 // A black sheet of opacity 0.4 across the plane z = `z`, or the plane y = 1.
 std::string veil(const std::string& points) {
-  return std::string(kBlack) + "Shape \"trianglemesh\" \"point3 P\" [" + points + "] \"integer indices\" [0 1 2 0 2 3] \"float alpha\" 0.4\n";
+  return std::string(kBlack) + "Shape \"trianglemesh\" \"point3 P\" [" + points +
+         "] \"integer indices\" [0 1 2 0 2 3] \"float alpha\" 0.4\n";
 }
 
 Mean mean_of_scene(const std::string& world, int samples = 1024) {
@@ -101,7 +105,8 @@ void expect_mean(const std::string& world, double wanted, double relative_error)
 
 TEST(KnownAnswers, a_sun_and_a_point_on_a_floor) {
   // Irradiance 2 across the beam, 60 degrees off: 2 cos 60 rho / pi.
-  expect_mean("LightSource \"distant\" \"point3 from\" [0 1.7320508 1] \"point3 to\" [0 0 0] \"rgb L\" [2 2 2]\n" + std::string(kFloor),
+  expect_mean("LightSource \"distant\" \"point3 from\" [0 1.7320508 1] \"point3 to\" [0 0 0] \"rgb L\" [2 2 2]\n" +
+                  std::string(kFloor),
               2 * 0.5 * 0.5 / M_PI, 1e-5);
   // I cos / d^2 rho / pi, over a picture 0.35 wide: off by less than a thousandth.
   expect_mean("LightSource \"point\" \"point3 from\" [0 3 4] \"rgb I\" [100 100 100]\n" + std::string(kFloor),
@@ -112,22 +117,28 @@ TEST(KnownAnswers, a_veil_lets_through_what_it_does_not_stop) {
   expect_mean("LightSource \"infinite\" \"rgb L\" [1 1 1]\n" + veil("-9 -9 1 9 -9 1 9 9 1 -9 9 1"), 0.6, 0.002);
   // Shadow rays: of a point, then of a sky.
   expect_mean("LightSource \"point\" \"point3 from\" [0 3 4] \"rgb I\" [100 100 100]\n" + std::string(kFloor) +
-                  veil("-9 1 0.1 9 1 0.1 9 1 9 -9 1 9"), 0.6 * 100 * 0.8 / 25 * 0.5 / M_PI, 0.003);
-  expect_mean("LightSource \"infinite\" \"rgb L\" [1 1 1]\n" + std::string(kFloor) + veil("-90 -90 5.5 90 -90 5.5 90 90 5.5 -90 90 5.5"),
+                  veil("-9 1 0.1 9 1 0.1 9 1 9 -9 1 9"),
+              0.6 * 100 * 0.8 / 25 * 0.5 / M_PI, 0.003);
+  expect_mean("LightSource \"infinite\" \"rgb L\" [1 1 1]\n" + std::string(kFloor) +
+                  veil("-90 -90 5.5 90 -90 5.5 90 90 5.5 -90 90 5.5"),
               0.6 * 0.5, 0.003);
 }
 
 // Emission 1 and albedo one half on every side: 1 + 1/2 + 1/4 and so on, whichever way one looks.
 TEST(KnownAnswers, a_closed_furnace_of_albedo_one_half_is_twice_as_bright) {
-  expect_mean("AreaLightSource \"diffuse\" \"rgb L\" [1 1 1] \"bool twosided\" true\nMaterial \"diffuse\" \"rgb reflectance\" [0.5 0.5 0.5]\n"
-              "Shape \"sphere\" \"float radius\" 8\n", 2, 0.001);
+  expect_mean(
+      "AreaLightSource \"diffuse\" \"rgb L\" [1 1 1] \"bool twosided\" true\nMaterial \"diffuse\" \"rgb reflectance\" "
+      "[0.5 0.5 0.5]\n"
+      "Shape \"sphere\" \"float radius\" 8\n",
+      2, 0.001);
 }
 
 // Clear glass in a white sky cannot be seen, through however many faces.
 TEST(KnownAnswers, glass_in_a_white_sky_is_not_there) {
-  expect_mean("LightSource \"infinite\" \"rgb L\" [1 1 1]\nMaterial \"dielectric\"\nShape \"sphere\" \"float radius\" 0.1\n"
-              "Material \"thindielectric\"\nShape \"bilinearmesh\" \"point3 P\" [-1 -1 1 1 -1 1 -1 1 1 1 1 1]\n",
-              1, 0.002);
+  expect_mean(
+      "LightSource \"infinite\" \"rgb L\" [1 1 1]\nMaterial \"dielectric\"\nShape \"sphere\" \"float radius\" 0.1\n"
+      "Material \"thindielectric\"\nShape \"bilinearmesh\" \"point3 P\" [-1 -1 1 1 -1 1 -1 1 1 1 1 1]\n",
+      1, 0.002);
 }
 
 }  // namespace

@@ -45,7 +45,8 @@ void add_patch(const Patch& patch, bool has_normals, PlyMesh& mesh) {
   const auto base = static_cast<uint32_t>(mesh.positions.size());
   for (uint32_t j = 0; j <= steps; ++j)
     for (uint32_t i = 0; i <= steps; ++i) {
-      const float u = static_cast<float>(i) / static_cast<float>(steps), v = static_cast<float>(j) / static_cast<float>(steps);
+      const float u = static_cast<float>(i) / static_cast<float>(steps),
+                  v = static_cast<float>(j) / static_cast<float>(steps);
       mesh.positions.push_back(bilinear(patch.position, u, v));
       mesh.uvs.push_back(bilinear(patch.uv, u, v));
       if (has_normals) mesh.normals.push_back(bilinear(patch.normal, u, v));
@@ -54,7 +55,8 @@ void add_patch(const Patch& patch, bool has_normals, PlyMesh& mesh) {
   for (uint32_t j = 0; j < steps; ++j)
     for (uint32_t i = 0; i < steps; ++i) {
       const uint32_t corner = base + j * row + i;
-      mesh.indices.insert(mesh.indices.end(), {corner, corner + 1, corner + row + 1, corner, corner + row + 1, corner + row});
+      mesh.indices.insert(mesh.indices.end(),
+                          {corner, corner + 1, corner + row + 1, corner, corner + row + 1, corner + row});
     }
 }
 

@@ -32,8 +32,7 @@ Result<UnpackedFile> gunzip(const std::filesystem::path& file) {
   if (code != Z_OK && code != Z_STREAM_END)
     return error("{}: damaged after {} unpacked bytes: {}; write it again", file.string(), out.size_bytes, what);
   if (gzdirect(packed.get()) != 0) return error("{}: is not a gzip file", file.string());
-  if (std::fflush(out.stream.get()) != 0)
-    return error("{}: unpacking it: {}", file.string(), std::strerror(errno));
+  if (std::fflush(out.stream.get()) != 0) return error("{}: unpacking it: {}", file.string(), std::strerror(errno));
   std::rewind(out.stream.get());
   return out;
 }

@@ -77,7 +77,8 @@ Result<PlyMesh> subdivide_loop(const ParamList& params, Place place, uint64_t mo
   if (levels < 0 || levels > 12 || ((cage.indices.size() / 3) << (2 * levels)) > most)
     return error_at(place, "\"levels\" is {}; it must be from 0 to 12 and make at most {} triangles", levels, most);
   const Refiner refiner = make_refiner(cage);
-  if (!refiner) return error_at(place, "the mesh of the loopsubdiv cannot be subdivided: more than two triangles at an edge?");
+  if (!refiner)
+    return error_at(place, "the mesh of the loopsubdiv cannot be subdivided: more than two triangles at an edge?");
   Far::TopologyRefiner::UniformOptions uniform(levels);
   uniform.fullTopologyInLastLevel = true;  // limits ask for it
   refiner->RefineUniform(uniform);

@@ -80,7 +80,8 @@ Result<PlyMesh> dice_sphere(const ParamList& params, Place place) {
   const double r = q.radius, phi_max = q.phi_max * kRadians;
   const double low = std::clamp<double>(std::min(q.z_min, q.z_max), -r, r);
   const double high = std::clamp<double>(std::max(q.z_min, q.z_max), -r, r);
-  if (!(low < high)) return error_at(place, "\"zmin\" {} and \"zmax\" {} leave nothing of the sphere", q.z_min, q.z_max);
+  if (!(low < high))
+    return error_at(place, "\"zmin\" {} and \"zmax\" {} leave nothing of the sphere", q.z_min, q.z_max);
   const double theta_low = std::acos(low / r), theta_high = std::acos(high / r);
   return dice(step_count(phi_max), step_count(theta_low - theta_high), [=](double u, double v) {
     const double theta = theta_low + v * (theta_high - theta_low);
@@ -101,7 +102,8 @@ Result<PlyMesh> dice_cylinder(const ParamList& params, Place place) {
   if (!(low < high)) return error_at(place, "\"zmin\" and \"zmax\" are both {}", q.z_min);
   return dice(step_count(phi_max), 1, [=](double u, double v) {
     const Circle phi(u * phi_max, phi_max);
-    return SurfacePoint{rounded(r * phi.cosine, r * phi.sine, low + v * (high - low)), rounded(phi.cosine, phi.sine, 0)};
+    return SurfacePoint{rounded(r * phi.cosine, r * phi.sine, low + v * (high - low)),
+                        rounded(phi.cosine, phi.sine, 0)};
   });
 }
 
