@@ -11,7 +11,7 @@
 namespace spillway::shading {
 
 // Streams keep unrelated uses apart (camera paths now; light paths, baking later).
-enum class SampleStream : uint32_t { camera_paths = 0, decisions = 1 };
+enum class SampleStream : uint32_t { camera_paths = 0, decisions = 1, media = 2 };
 
 // Samples of a sink are split over two halves with independent scrambles: half = sample & 1, index in it = sample >> 1,
 // so that the halves estimate the error (and every even sample count fills both equally).
