@@ -103,18 +103,9 @@ Status validate_volume_brick(std::span<const std::byte> brick, std::string_view 
   const auto is_bad = [](float x) { return !(x >= 0 && x < INFINITY); };
   if (std::any_of(view.cell_max().begin(), view.cell_max().end(), is_bad))
     return error("{}: a cell's largest value is negative or not finite; pack the scene again", where);
-  const VolumeBrickHeader& header = view.header();
-  const std::byte* samples = brick.data() + samples_offset(header.voxels);
-  for (uint32_t i = 0; i < brick_sample_count(header.voxels); ++i) {
-    float value;
-    uint16_t half;
-    if (header.type == VoxelType::single_float) std::memcpy(&value, samples + 4 * size_t{i}, sizeof value);
-    if (header.type == VoxelType::half_float) {
-      std::memcpy(&half, samples + 2 * size_t{i}, sizeof half);
-      value = float_from_half(half);
-    }
-    if (is_bad(value)) return error("{}: sample {} is negative or not finite; pack the scene again", where, i);
-  }
+  for (uint32_t i = 0; i < brick_sample_count(view.header().voxels); ++i)
+    if (is_bad(view.sample(i)))
+      return error("{}: sample {} is negative or not finite; pack the scene again", where, i);
   return {};
 }
 

@@ -72,12 +72,13 @@ class VolumeBrickView {
   [[nodiscard]] explicit operator bool() const { return header_ != nullptr; }
   [[nodiscard]] const VolumeBrickHeader& header() const { return *header_; }
   [[nodiscard]] std::span<const float> cell_max() const { return {cells_, brick_cell_count(header_->voxels)}; }
+  // x fastest, (voxels + 1)^3 of them.
+  [[nodiscard]] float sample(uint32_t index) const;
   // Trilinear at a point of the brick, in lattice units; points outside are taken to its side. The same bits from
   // every brick that covers the point.
   [[nodiscard]] float interpolate(Float3 lattice) const;
 
  private:
-  [[nodiscard]] float sample(uint32_t index) const;
   const VolumeBrickHeader* header_ = nullptr;
   const float* cells_ = nullptr;
   const std::byte* samples_ = nullptr;
