@@ -4,7 +4,7 @@
 set -eu
 
 packages="cmake ninja-build g++ ccache python3
-  libembree-dev libopenimageio-dev openimageio-tools libopenexr-dev libosd-dev libopenvdb-dev libtbb-dev libboost-dev
+  libembree-dev libopenimageio-dev openimageio-tools libopenexr-dev libosd-dev libopenvdb-dev libnanovdb-dev libtbb-dev libboost-dev
   libcli11-dev nlohmann-json3-dev libfmt-dev libxxhash-dev zlib1g-dev libgtest-dev libgmock-dev libbenchmark-dev"
 
 missing=""
