@@ -26,11 +26,11 @@ struct FrameOutcome {
   uint32_t frame = 0;
   FrameEnd end = FrameEnd::failed;
   bool has_faults = false;
-  std::string what{};        // the error of a failed frame
+  std::string what{};  // the error of a failed frame
   std::string image_hash{};
   uint32_t samples = 0;
   double seconds = 0;
-  uint64_t bytes_read = 0;   // pages, attributes and texture tiles
+  uint64_t bytes_read = 0;  // pages, attributes and texture tiles
 };
 
 const char* name(FrameEnd end) {
@@ -68,9 +68,11 @@ std::optional<FrameOutcome> finished(const std::filesystem::path& output, const 
   const OIIO::ImageSpec& spec = input->spec();
   const auto got = static_cast<uint32_t>(spec.get_int_attribute("spillway:spp"));
   if (spec.get_string_attribute("spillway:frame_key") != key || got != samples) return std::nullopt;
-  return FrameOutcome{.frame = frame, .end = FrameEnd::skipped,
+  return FrameOutcome{.frame = frame,
+                      .end = FrameEnd::skipped,
                       .has_faults = spec.get_string_attribute("spillway:faults") != "none",
-                      .image_hash = std::string(spec.get_string_attribute("spillway:image_hash")), .samples = got};
+                      .image_hash = std::string(spec.get_string_attribute("spillway:image_hash")),
+                      .samples = got};
 }
 
 class Batch {
@@ -109,9 +111,10 @@ const FrameCamera* Batch::camera_of(uint32_t frame) const {
 Status Batch::check() {
   const auto path = store_.camera_path();
   if (path.empty())
-    return error("{}: has no camera path, so that there are no frames; render it without --frames, or make its store with "
-                 "one camera a frame",
-                 store_.directory().string());
+    return error(
+        "{}: has no camera path, so that there are no frames; render it without --frames, or make its store with "
+        "one camera a frame",
+        store_.directory().string());
   for (const uint32_t frame : batch_.frames)
     if (camera_of(frame) == nullptr)
       return error("{}: has no frame {}; its camera path has {} to {}", store_.directory().string(), frame,
@@ -150,7 +153,8 @@ Result<FrameOutcome> Batch::render_or_skip(uint32_t frame) {
   }
   RenderOptions options = options_;
   SPILLWAY_ASSIGN(options.settings, batch_.settings_of(*camera_of(frame)));
-  if (auto done = finished(output, batch_.key_of(options), frame, options.settings.render.samples_per_pixel)) return *done;
+  if (auto done = finished(output, batch_.key_of(options), frame, options.settings.render.samples_per_pixel))
+    return *done;
   return render_frame(frame, options, output);
 }
 
@@ -167,10 +171,13 @@ Result<FrameOutcome> Batch::render_frame(uint32_t frame, const RenderOptions& op
     SPILLWAY_TRY(write_text(path, report_json(report, store_.directory().string())));
   }
   const bool interrupted = report.stopped_early && stopped();
-  return FrameOutcome{.frame = frame, .end = interrupted ? FrameEnd::interrupted : FrameEnd::rendered,
-                      .has_faults = report.faults.any(), .image_hash = report.image_hash,
-                      .samples = report.samples_per_pixel,
-                      .bytes_read = report.pages.bytes_read + report.attributes.bytes_read + report.textures.bytes_read};
+  return FrameOutcome{
+      .frame = frame,
+      .end = interrupted ? FrameEnd::interrupted : FrameEnd::rendered,
+      .has_faults = report.faults.any(),
+      .image_hash = report.image_hash,
+      .samples = report.samples_per_pixel,
+      .bytes_read = report.pages.bytes_read + report.attributes.bytes_read + report.textures.bytes_read};
 }
 
 std::string line_of(const FrameOutcome& o) {
@@ -195,7 +202,8 @@ int Batch::exit_code() const {
 }
 
 std::string Batch::table() const {
-  std::string text = fmt::format("{:>7}  {:<11} {:>7} {:>10} {:>12}  {}\n", "frame", "", "samples", "time", "read", "image hash");
+  std::string text =
+      fmt::format("{:>7}  {:<11} {:>7} {:>10} {:>12}  {}\n", "frame", "", "samples", "time", "read", "image hash");
   for (const FrameOutcome& outcome : outcomes_) text += line_of(outcome);
   return text + fmt::format("{} frames in {}: {} rendered, {} skipped, {} failed\n", batch_.frames.size(),
                             duration_text(seconds_), count(FrameEnd::rendered), count(FrameEnd::skipped),
@@ -205,11 +213,20 @@ std::string Batch::table() const {
 nlohmann::json Batch::summary() const {
   nlohmann::json frames = nlohmann::json::array();
   for (const FrameOutcome& o : outcomes_)
-    frames.push_back({{"frame", o.frame}, {"end", name(o.end)}, {"error", o.what}, {"image_hash", o.image_hash},
-                      {"samples_per_pixel", o.samples}, {"seconds", o.seconds}, {"bytes_read", o.bytes_read},
+    frames.push_back({{"frame", o.frame},
+                      {"end", name(o.end)},
+                      {"error", o.what},
+                      {"image_hash", o.image_hash},
+                      {"samples_per_pixel", o.samples},
+                      {"seconds", o.seconds},
+                      {"bytes_read", o.bytes_read},
                       {"has_faults", o.has_faults}});
-  return {{"frames", frames}, {"asked", batch_.frames.size()}, {"rendered", count(FrameEnd::rendered)},
-          {"skipped", count(FrameEnd::skipped)}, {"failed", count(FrameEnd::failed)}, {"seconds", seconds_}};
+  return {{"frames", frames},
+          {"asked", batch_.frames.size()},
+          {"rendered", count(FrameEnd::rendered)},
+          {"skipped", count(FrameEnd::skipped)},
+          {"failed", count(FrameEnd::failed)},
+          {"seconds", seconds_}};
 }
 
 }  // namespace
@@ -237,9 +254,11 @@ Result<std::filesystem::path> frame_path(const std::string& pattern, uint32_t fr
   const size_t last = pattern.find_first_not_of('#', first == std::string::npos ? 0 : first);
   if (first == std::string::npos || pattern.find('#') < name_at ||
       (last != std::string::npos && pattern.find('#', last) != std::string::npos))
-    return error("{}: several frames need one run of # in the file's name for their number, such as frame.####.exr", pattern);
+    return error("{}: several frames need one run of # in the file's name for their number, such as frame.####.exr",
+                 pattern);
   const size_t end = std::min(last, pattern.size());
-  return std::filesystem::path(pattern.substr(0, first) + fmt::format("{:0{}}", frame, end - first) + pattern.substr(end));
+  return std::filesystem::path(pattern.substr(0, first) + fmt::format("{:0{}}", frame, end - first) +
+                               pattern.substr(end));
 }
 
 Result<int> render_frames(const Store& store, RenderOptions options, const FrameBatch& batch) {
@@ -247,7 +266,8 @@ Result<int> render_frames(const Store& store, RenderOptions options, const Frame
   SPILLWAY_TRY(frames.check());
   SPILLWAY_TRY(frames.run());
   const std::string json = frames.summary().dump(1);
-  if (!batch.report.empty() && batch.report.find('#') == std::string::npos) SPILLWAY_TRY(write_text(batch.report, json));
+  if (!batch.report.empty() && batch.report.find('#') == std::string::npos)
+    SPILLWAY_TRY(write_text(batch.report, json));
   if (batch.json) fmt::print("{}\n", json);
   if (!batch.json && !batch.quiet) fmt::print(stderr, "\n{}", frames.table());
   if (frames.exit_code() == kExitInterrupted)

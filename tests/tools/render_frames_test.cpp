@@ -26,7 +26,8 @@ class RenderFramesTest : public testing::Test {
     ASSERT_TRUE(store) << store.error().message;
   }
   int spillway(const std::string& arguments, const std::string& launcher = "") {
-    const std::string command = "cd " + folder_.string() + " && " + launcher + SPILLWAY_PROGRAM " " + arguments + " 2>&1";
+    const std::string command =
+        "cd " + folder_.string() + " && " + launcher + SPILLWAY_PROGRAM " " + arguments + " 2>&1";
     FILE* pipe = popen(command.c_str(), "r");
     std::array<char, 4096> buffer;
     said_.clear();
@@ -60,7 +61,8 @@ TEST_F(RenderFramesTest, frames_have_the_bits_of_frames_rendered_alone) {
   EXPECT_EQ(ends("--frames 1-3 -o f.###.exr -q"), "rendered rendered rendered");
   for (const int frame : {1, 2, 3}) {
     const std::string number = std::to_string(frame);
-    ASSERT_EQ(spillway("render shot.store --frames " + number + " -o alone.exr --threads 1 --wave-paths 777 -q"), 0) << said_;
+    ASSERT_EQ(spillway("render shot.store --frames " + number + " -o alone.exr --threads 1 --wave-paths 777 -q"), 0)
+        << said_;
     EXPECT_EQ(spillway("compare f.00" + number + ".exr alone.exr"), 0) << said_;
   }
   EXPECT_NE(summary_["frames"][0]["image_hash"], summary_["frames"][1]["image_hash"]);
