@@ -15,7 +15,8 @@ namespace spillway::pipeline {
 struct PathRecord {
   uint32_t sink;             // y * full_width + x
   uint32_t sample;           // half = sample & 1
-  uint32_t bounce;           // scattering events so far, as pbrt counts depth
+  uint16_t bounce;           // scattering events so far, as pbrt counts depth
+  uint16_t medium;           // that the ray is in, or kNoMedium
   float pdf_previous;        // solid angle, of the direction; 0 after a camera or a delta: next-event estimation had no part
   Rgb throughput;            // signed when the pixel filter is
   float cone_width;          // world units at the ray's origin
@@ -29,7 +30,8 @@ static_assert(sizeof(PathRecord) == 52);
 struct ShadowRecord {
   uint32_t sink;
   uint32_t sample;
-  uint32_t bounce;  // of the hit that sent it
+  uint16_t bounce;  // of the hit that sent it
+  uint16_t medium;  // that the ray is in, or kNoMedium
   Rgb contribution;
 };
 static_assert(sizeof(ShadowRecord) == 24);

@@ -27,8 +27,11 @@ namespace spillway::shading {
 
 // ---- homogeneous media: closed forms ----
 
+[[nodiscard]] inline float transmittance(float sigma_t, float distance) {
+  return sigma_t > 0 ? exp_of(-sigma_t * distance) : 1;  // the distance may be infinite
+}
 [[nodiscard]] inline Rgb transmittance(Rgb sigma_t, float distance) {
-  return {exp_of(-sigma_t.r * distance), exp_of(-sigma_t.g * distance), exp_of(-sigma_t.b * distance)};
+  return {transmittance(sigma_t.r, distance), transmittance(sigma_t.g, distance), transmittance(sigma_t.b, distance)};
 }
 
 struct FreePath {
