@@ -66,7 +66,8 @@ class RenderLoop {
  public:
   RenderLoop(RenderState& state, RenderReport& report)
       : state_(state), report_(report), settings_(state.options.settings),
-        camera_rays_(settings_.camera, settings_.filter, pixel_window(settings_), settings_.render.seed),
+        camera_rays_(settings_.camera, settings_.filter, pixel_window(settings_), settings_.render.seed,
+                     ray_times(state.store, settings_), settings_.film.exposure_scale),
         schedule_({settings_.render.samples_per_pixel, state.plan.epoch_samples, state.plan.first_epoch_samples}),
         hits_(stream_options(state, "hits", MemoryTag::hits, cache::IoPurpose::hits, state.plan.hit_bytes)) {}
 
@@ -268,6 +269,10 @@ FilmIdentity film_identity(const Store& store, const SceneSettings& settings) {
   key = checksum(store.lights().data(), store.lights().size_bytes(), key);
   key = checksum(store.materials().data(), store.materials().size_bytes(), key);
   key = checksum(store.meshes().data(), store.meshes().size_bytes(), key);
+  if (!store.motions().empty()) {
+    key = checksum(&settings.motion, sizeof settings.motion, key);
+    key = checksum(store.motions().data(), store.motions().size_bytes(), key);
+  }
   return {key, fmt::format("gcc {}, glibc {}.{}", __VERSION__, __GLIBC__, __GLIBC_MINOR__)};
 }
 

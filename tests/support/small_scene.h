@@ -1,7 +1,7 @@
 #pragma once
 
 // A small scene built in code that uses every part of the renderer: textures, a mix, an alpha mask, bumps, glass, metal,
-// coats, instances (one mirrored), an area light, a spot, a constant sky; a few thousand triangles in several pages.
+// coats, instances (one mirrored), on request motion of everything that can move, an area light, a spot, a constant sky; a few thousand triangles in several pages.
 
 #include <filesystem>
 #include <memory>
@@ -27,9 +27,10 @@ class TemporaryDirectory {
 struct SmallSceneOptions {
   uint32_t max_triangles_per_page = 128;
   uint32_t max_faces_per_attribute_block = 512;
-  pipeline::BuildOptions tree;
+  pipeline::BuildOptions tree = {};
   uint32_t resolution_x_px = 48, resolution_y_px = 32;
   uint32_t samples_per_pixel = 4;
+  bool moves = false;  // instances and the camera
 };
 
 // Packs the scene below `directory` and opens it.
