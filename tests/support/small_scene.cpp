@@ -219,6 +219,9 @@ Result<Store> pack_small_scene(const std::filesystem::path& directory, const std
   const auto store = directory / (name + ".store");
   SPILLWAY_ASSIGN(const auto packer, ScenePacker::create(store, pack));
   packer->set_settings(settings(options));
+  std::vector<shading::Camera> path(options.frame_count, settings(options).camera);
+  for (size_t f = 0; f < path.size(); ++f) path[f].world_from_camera.m[0][3] += 0.05f * static_cast<float>(f);
+  packer->set_camera_path(1, path);
   SPILLWAY_TRY(add_everything(*packer, directory));
   SPILLWAY_TRY(packer->finish());
   return Store::open(store);
