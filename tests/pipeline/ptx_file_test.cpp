@@ -168,9 +168,9 @@ class PtxFileTest : public testing::Test {
     PtxDescription d;
     d.info = {
         FaceShape::quad, type, channels, channels > 3 ? 3 : -1, cache::FaceBorder::black, cache::FaceBorder::periodic};
-    d.faces = {face_of(d.info, 4, 3, PtxEncoding::differences, 1), face_of(d.info, 5, 6, PtxEncoding::tiled, 2),
-               face_of(d.info, 3, 3, PtxEncoding::deflated, 3), face_of(d.info, 0, 2, PtxEncoding::deflated, 4)};
-    d.faces[1].tile_ulog2 = 4, d.faces[1].tile_vlog2 = 3;
+    d.faces = {face_of(d.info, 3, 2, PtxEncoding::differences, 1), face_of(d.info, 3, 4, PtxEncoding::tiled, 2),
+               face_of(d.info, 2, 2, PtxEncoding::deflated, 3), face_of(d.info, 0, 2, PtxEncoding::deflated, 4)};
+    d.faces[1].tile_ulog2 = 2, d.faces[1].tile_vlog2 = 2;
     d.faces[0].info.adjacent_faces[1] = 1, d.faces[0].info.adjacent_edges = 3 << 2;
     d.faces[1].info.adjacent_faces[3] = 0, d.faces[1].info.adjacent_edges = 1 << 6;
     d.metadata_bytes = 5000;
@@ -217,10 +217,10 @@ TEST_F(PtxFileTest, constant_faces_and_constant_blocks_fill_their_face) {
   }
   const auto tiled = file->texels(1);
   ASSERT_TRUE(tiled);
-  for (uint32_t y = 0; y < 64; ++y)
-    for (uint32_t x = 0; x < 32; ++x) {
-      const size_t corner = (size_t{y / 8 * 8} * 32 + x / 16 * 16) * 3;
-      ASSERT_EQ((*tiled)[(y * 32 + x) * 3], d.faces[1].texels[corner]);
+  for (uint32_t y = 0; y < 16; ++y)
+    for (uint32_t x = 0; x < 8; ++x) {
+      const size_t corner = (size_t{y / 4 * 4} * 8 + x / 4 * 4) * 3;
+      ASSERT_EQ((*tiled)[(y * 8 + x) * 3], d.faces[1].texels[corner]);
     }
 }
 
@@ -281,7 +281,7 @@ std::string fault(const std::vector<std::byte>& bytes) {
 TEST_F(PtxFileTest, every_prefix_is_refused_or_lacks_nothing_that_is_used) {
   PtxDescription d = everything(FaceTexelType::uint8, 4);
   d.metadata_bytes = 0;
-  d.edits = {{2, face_of(d.info, 2, 2, PtxEncoding::deflated, 9)}};
+  d.edits = {{2, face_of(d.info, 1, 1, PtxEncoding::deflated, 9)}};
   const std::vector<std::byte> whole = ptx_bytes(d);
   for (size_t size = 0; size < whole.size(); ++size) {
     const auto file = open({whole.begin(), whole.begin() + static_cast<ptrdiff_t>(size)});
