@@ -142,13 +142,26 @@ struct SceneSettings {
   SceneStatistics statistics;
 };
 
+// A camera of the path that a shot's frames follow.
+struct FrameCamera {
+  uint32_t frame = 0;
+  uint32_t reserved = 0;
+  shading::Camera camera;
+};
+static_assert(sizeof(FrameCamera) == 8 + sizeof(shading::Camera));  // no padding in the store
+
+// Of what the manifest does not hold: the checksums of all parts of a file, chained in their order.
+struct ContentChecksums {
+  uint64_t trace_pages = 0, attributes = 0;
+};
+
 // Files of a store (a directory).
 inline constexpr const char* kManifestFile = "manifest.spw";
 inline constexpr const char* kTracePagesFile = "pages.trace";
 inline constexpr const char* kAttributesFile = "attributes.blocks";
 inline constexpr const char* kTexturesDirectory = "textures";
 inline constexpr const char* kStoreKind = "SPWSTORE";
-inline constexpr uint32_t kStoreVersion = 3;
+inline constexpr uint32_t kStoreVersion = 4;
 
 // Section names of the manifest. Arrays of the struct named.
 namespace section {
@@ -167,6 +180,8 @@ inline constexpr const char* kTreeObjects = "tree_objects";     // cache::PageOb
 inline constexpr const char* kInstances = "instances";          // cache::Instance
 inline constexpr const char* kMotions = "motions";              // Motion: of instances and the camera
 inline constexpr const char* kAttributes = "attributes";        // AttributeLocation
+inline constexpr const char* kCameraPath = "camera_path";       // FrameCamera, by ascending frame; may be empty
+inline constexpr const char* kContent = "content";              // ContentChecksums[1]
 inline constexpr const char* kNames = "names";                  // char: lines "mesh 3 models/a.ply", "material 2 Floor", ...
 }  // namespace section
 

@@ -2,10 +2,10 @@
 
 namespace spillway::pipeline {
 
-Shutter shutter_of(const SceneSettings& settings) {
-  const double start = settings.motion.start_time, length = settings.motion.end_time - start;
-  return {static_cast<float>((settings.camera.shutter_open - start) / length),
-          static_cast<float>((settings.camera.shutter_close - start) / length)};
+Shutter shutter_of(const shading::Camera& camera, const MotionSettings& motion) {
+  const double start = motion.start_time, length = motion.end_time - start;
+  return {static_cast<float>((camera.shutter_open - start) / length),
+          static_cast<float>((camera.shutter_close - start) / length)};
 }
 
 }  // namespace spillway::pipeline

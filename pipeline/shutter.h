@@ -17,7 +17,10 @@ struct Shutter {
 };
 
 // Of a scene in which something moves.
-[[nodiscard]] Shutter shutter_of(const SceneSettings& settings);
+[[nodiscard]] Shutter shutter_of(const shading::Camera& camera, const MotionSettings& motion);
+[[nodiscard]] inline Shutter shutter_of(const SceneSettings& settings) {
+  return shutter_of(settings.camera, settings.motion);
+}
 
 // The time of a path and of all its shadow rays: a function of its key, so that no record holds it.
 [[nodiscard]] inline float ray_time(const Shutter& shutter, const shading::SampleKey& key) {

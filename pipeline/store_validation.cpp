@@ -303,8 +303,9 @@ Status check_file(const std::filesystem::path& path, uint64_t least_bytes) {
 
 }  // namespace
 
-Status check_settings(const SceneSettings& settings, std::string_view where) {
-  const shading::Camera& c = settings.camera;
+namespace {
+
+Status check_camera(const shading::Camera& c, std::string_view where) {
   if (c.resolution_x_px < 1 || c.resolution_x_px > kLargestResolution || c.resolution_y_px < 1 ||
       c.resolution_y_px > kLargestResolution)
     return error("{}: a resolution of {} x {}; 1 to {} is possible", where, c.resolution_x_px, c.resolution_y_px,
@@ -314,12 +315,41 @@ Status check_settings(const SceneSettings& settings, std::string_view where) {
   if (c.is_orthographic > 1) return error("{}: a camera of no known kind", where);
   if (!is_finite_transform(c.world_from_camera) || !all_finite(camera) || c.lens_radius < 0 || c.focal_distance <= 0)
     return error("{}: the camera has a number that is not finite or of the wrong sign", where);
-  if (!(settings.motion.end_time > settings.motion.start_time))
-    return error("{}: the keys of motion at {} and {} are not in order", where, settings.motion.start_time,
-                 settings.motion.end_time);
-  if (const Shutter shutter = shutter_of(settings); !std::isfinite(shutter.open) || !std::isfinite(shutter.close) || shutter.close < shutter.open)
-    return error("{}: a shutter from {} to {}, for motion from {} to {}", where, c.shutter_open, c.shutter_close,
-                 settings.motion.start_time, settings.motion.end_time);
+  return {};
+}
+
+Status check_shutter(const shading::Camera& c, const MotionSettings& motion, std::string_view where) {
+  if (!(motion.end_time > motion.start_time))
+    return error("{}: the keys of motion at {} and {} are not in order", where, motion.start_time, motion.end_time);
+  const Shutter shutter = shutter_of(c, motion);
+  if (std::isfinite(shutter.open) && std::isfinite(shutter.close) && shutter.close >= shutter.open) return {};
+  return error("{}: a shutter from {} to {}, for motion from {} to {}", where, c.shutter_open, c.shutter_close,
+               motion.start_time, motion.end_time);
+}
+
+}  // namespace
+
+Status check_camera_path(std::span<const FrameCamera> path, const SceneSettings& settings, std::string_view where) {
+  for (size_t i = 0; i < path.size(); ++i) {
+    const FrameCamera& f = path[i];
+    const std::string frame = fmt::format("{}: frame {}", where, f.frame);
+    SPILLWAY_TRY(check_camera(f.camera, frame));
+    SPILLWAY_TRY(check_shutter(f.camera, settings.motion, frame));
+    if (f.camera.motion != 0) return error("{}: its camera moves; those of a path stand still", frame);
+    if (i > 0 && f.frame <= path[i - 1].frame)
+      return error("{}: frame {} follows frame {}", where, f.frame, path[i - 1].frame);
+    if (f.camera.resolution_x_px != settings.camera.resolution_x_px ||
+        f.camera.resolution_y_px != settings.camera.resolution_y_px)
+      return error("{}: frame {} has {} x {} pixels, the settings {} x {}", where, f.frame, f.camera.resolution_x_px,
+                   f.camera.resolution_y_px, settings.camera.resolution_x_px, settings.camera.resolution_y_px);
+  }
+  return {};
+}
+
+Status check_settings(const SceneSettings& settings, std::string_view where) {
+  const shading::Camera& c = settings.camera;
+  SPILLWAY_TRY(check_camera(c, where));
+  SPILLWAY_TRY(check_shutter(c, settings.motion, where));
   const shading::Filter& f = settings.filter;
   const float radii[] = {f.radius_px.x, f.radius_px.y};
   for (const float radius : radii)
@@ -407,6 +437,8 @@ Status check_light(const shading::Light& light, std::string_view where) {
 Status validate_tables(const StoreTables& t, std::string_view where) {
   if (t.settings.size() != 1) return damaged(where, section::kSettings, 0, "{} settings", t.settings.size());
   SPILLWAY_TRY(check_settings(t.settings[0], fmt::format("{}: section '{}'", where, section::kSettings)));
+  SPILLWAY_TRY(check_camera_path(t.camera_path, t.settings[0], fmt::format("{}: section '{}'", where, section::kCameraPath)));
+  if (t.content.size() != 1) return damaged(where, section::kContent, 0, "{} checksums of contents", t.content.size());
   SPILLWAY_TRY(validate_images(t, where));
   TextureCosts texture_costs;
   for (size_t i = 0; i < t.textures.size(); ++i) {

@@ -69,6 +69,7 @@ struct ScenePacker::Packed {
   std::vector<cache::ImageInfo> images;
   std::vector<AttributeLocation> attributes;
   PagePlan plan;
+  ContentChecksums content;
   PackedPageTree tree;
   PackedLights lights;
   std::vector<Rgb> environment;
@@ -251,12 +252,18 @@ Status ScenePacker::set_camera_end(const Affine3& world_from_camera) {
   return {};
 }
 
+void ScenePacker::set_camera_path(uint32_t first_frame, std::span<const shading::Camera> cameras) {
+  camera_path_.clear();
+  for (const shading::Camera& camera : cameras) camera_path_.push_back({first_frame++, 0, camera});
+}
+
 // ---- what is made of it ----
 
 Status ScenePacker::finish() {
   SPILLWAY_TRY(state_);
   if (!has_settings_) return failed(error("{}: the scene has no camera", directory_.string()));
   SPILLWAY_TRY(failed(check_settings(settings_, "the scene's settings")));
+  SPILLWAY_TRY(failed(check_camera_path(camera_path_, settings_, "the scene's camera path")));
   const Status written = write_store();
   if (!written) {
     remove_output();
@@ -318,7 +325,8 @@ Status ScenePacker::write_store() {
                   pack_images(images_, directory_ / kTexturesDirectory, options_.memory_limit_bytes));
   remove_packed_images(directory_ / kTexturesDirectory, packed.images);
   SPILLWAY_ASSIGN(auto attributes, cache::WriteFile::create(directory_ / kAttributesFile, cache::IoPurpose::pack));
-  SPILLWAY_ASSIGN(packed.attributes, pack_attributes(scene_, options_.max_faces_per_attribute_block, attributes));
+  SPILLWAY_ASSIGN(packed.attributes, pack_attributes(scene_, options_.max_faces_per_attribute_block, attributes,
+                                                     packed.content.attributes));
   SPILLWAY_TRY(attributes.commit());
   SPILLWAY_TRY(open_images(packed));
   SPILLWAY_TRY(write_pages(packed));
@@ -338,6 +346,18 @@ Status ScenePacker::open_images(Packed& packed) const {
   return {};
 }
 
+// As long as any camera may look.
+MovingInstances ScenePacker::moving_instances() const {
+  const Shutter shutter = shutter_of(settings_);
+  MovingInstances moving{motions_, shutter.earliest(), shutter.latest()};
+  for (const FrameCamera& frame : camera_path_) {
+    const Shutter other = shutter_of(frame.camera, settings_.motion);
+    moving.first_time = std::min(moving.first_time, other.earliest());
+    moving.last_time = std::max(moving.last_time, other.latest());
+  }
+  return moving;
+}
+
 Status ScenePacker::write_pages(Packed& packed) {
   const PackPagesOptions options{options_.max_triangles_per_page, options_.tree, options_.memory_limit_bytes};
   const BakeMicromap bake = [&](uint32_t texture, const Float2(&uv)[3]) {
@@ -345,10 +365,9 @@ Status ScenePacker::write_pages(Packed& packed) {
   };
   SPILLWAY_ASSIGN(auto file, cache::WriteFile::create(directory_ / kTracePagesFile, cache::IoPurpose::pack));
   SPILLWAY_ASSIGN(packed.plan, plan_pages(scene_, options));
-  SPILLWAY_ASSIGN(const std::vector<Bounds3> bounds, pack_pages(scene_, packed.plan, bake, options, file));
-  const Shutter shutter = shutter_of(settings_);
-  packed.tree = pack_page_tree(bounds, packed.plan.pages, instances_, scene_.object_count, options_.tree,
-                               {motions_, shutter.earliest(), shutter.latest()});
+  SPILLWAY_ASSIGN(const std::vector<Bounds3> bounds, pack_pages(scene_, packed.plan, bake, options, file,
+                                                                   packed.content.trace_pages));
+  packed.tree = pack_page_tree(bounds, packed.plan.pages, instances_, scene_.object_count, options_.tree, moving_instances());
   return file.commit();
 }
 
@@ -401,6 +420,8 @@ Status ScenePacker::write_manifest(const Packed& packed) {
   add(section::kInstances, instances_);
   add(section::kMotions, motions_);
   add(section::kAttributes, packed.attributes);
+  add(section::kCameraPath, camera_path_);
+  writer.add(section::kContent, std::as_bytes(std::span(&packed.content, 1)));
   add(section::kNames, names);
   add(section::kSources, sources);
   return writer.write(directory_ / kManifestFile);

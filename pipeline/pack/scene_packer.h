@@ -23,6 +23,7 @@
 #include "pipeline/pack/build_trees.h"
 #include "pipeline/pack/mesh_spool.h"
 #include "pipeline/pack/pack_images.h"
+#include "pipeline/pack/pack_page_tree.h"
 #include "pipeline/pack/scene_sink.h"
 #include "pipeline/store_validation.h"
 
@@ -56,6 +57,7 @@ class ScenePacker final : public SceneSink {
   Status add_moving_instance(uint32_t object, const Affine3& start, const Affine3& end) override;
   void set_settings(const SceneSettings& settings) override;
   Status set_camera_end(const Affine3& world_from_camera) override;
+  void set_camera_path(uint32_t first_frame, std::span<const shading::Camera> cameras) override;
   Status finish() override;
 
   // More of PackOptions::source_files, found while importing. Images are added by themselves.
@@ -74,6 +76,7 @@ class ScenePacker final : public SceneSink {
   Status write_store();
   Status number_meshes();
   void keep_instances_of_triangles();
+  [[nodiscard]] MovingInstances moving_instances() const;
   Status open_images(Packed& packed) const;
   Status write_pages(Packed& packed);
   SceneStatistics statistics(const Packed& packed) const;
@@ -87,6 +90,7 @@ class ScenePacker final : public SceneSink {
   std::unique_ptr<MeshSpool> spool_;
   SpooledScene scene_;
   SceneSettings settings_;
+  std::vector<FrameCamera> camera_path_;
   std::vector<ImageSource> images_;
   std::map<std::pair<std::string, cache::TexelEncoding>, ImageId> image_ids_;
   std::vector<TextureNode> textures_;

@@ -244,6 +244,9 @@ Result<Store> pack_small_scene(const std::filesystem::path& directory, const std
   packer->set_settings(settings(options));
   if (options.moves)
     SPILLWAY_TRY(packer->set_camera_end(moved_on(settings(options).camera.world_from_camera, 0.1, {0.1f, 0.05f, 0.1f})));
+  std::vector<shading::Camera> path(options.frame_count, settings(options).camera);
+  for (size_t f = 0; f < path.size(); ++f) path[f].world_from_camera.m[0][3] += 0.05f * static_cast<float>(f);
+  packer->set_camera_path(1, path);
   SPILLWAY_TRY(add_everything(*packer, directory, options.moves));
   SPILLWAY_TRY(packer->finish());
   return Store::open(store);
