@@ -30,6 +30,8 @@ find_path(SPILLWAY_nanovdb_INCLUDE nanovdb/NanoVDB.h REQUIRED)
 target_include_directories(spillway::openvdb SYSTEM INTERFACE ${SPILLWAY_boost_INCLUDE} ${SPILLWAY_nanovdb_INCLUDE})
 target_link_libraries(spillway::openvdb INTERFACE spillway::tbb spillway::imath)
 spillway_library(zlib zlib.h z)
+spillway_library(lz4 lz4.h lz4)
+spillway_library(zstd zstd.h zstd)
 spillway_library(json nlohmann/json.hpp)
 spillway_library(cli11 CLI/CLI.hpp)
 

@@ -6,6 +6,7 @@
 #include <string>
 
 #include "cache/base/ids.h"
+#include "cache/base/motion.h"
 #include "cache/base/vec.h"
 #include "cache/texture_cache.h"
 #include "shading/camera.h"
@@ -106,6 +107,8 @@ inline constexpr uint32_t kMaxEnvironmentSize = 8192;  // texels an edge
 
 // ---- what the scene says about the picture; the command line may override ----
 
+inline constexpr float kLeastExposure = 1e-30f, kMostExposure = 1e30f;  // whose inverses are numbers, too
+
 struct FilmSettings {
   uint32_t crop_x0 = 0, crop_y0 = 0, crop_x1 = 0, crop_y1 = 0;  // pixels, half open; all zero: everything
   float exposure_scale = 1;  // radiance to pixel value (pbrt: imaging ratio)
@@ -116,6 +119,11 @@ struct RenderSettings {
   uint32_t max_depth = 5;      // bounces, as pbrt counts
   uint32_t seed = 0;
   uint32_t regularize = 0;
+};
+
+// The times of the two keys of what moves, on the clock of the camera's shutter.
+struct MotionSettings {
+  float start_time = 0, end_time = 1;
 };
 
 struct SceneStatistics {
@@ -130,6 +138,7 @@ struct SceneSettings {
   shading::Filter filter;
   FilmSettings film;
   RenderSettings render;
+  MotionSettings motion;
   SceneStatistics statistics;
 };
 
@@ -152,7 +161,7 @@ inline constexpr const char* kTracePagesFile = "pages.trace";
 inline constexpr const char* kAttributesFile = "attributes.blocks";
 inline constexpr const char* kTexturesDirectory = "textures";
 inline constexpr const char* kStoreKind = "SPWSTORE";
-inline constexpr uint32_t kStoreVersion = 3;
+inline constexpr uint32_t kStoreVersion = 4;
 
 // Section names of the manifest. Arrays of the struct named.
 namespace section {
@@ -169,6 +178,7 @@ inline constexpr const char* kTreeNodes = "tree_nodes";         // cache::TraceN
 inline constexpr const char* kTreeEntries = "tree_entries";     // cache::PageTreeEntry
 inline constexpr const char* kTreeObjects = "tree_objects";     // cache::PageObject
 inline constexpr const char* kInstances = "instances";          // cache::Instance
+inline constexpr const char* kMotions = "motions";              // Motion: of instances and the camera
 inline constexpr const char* kAttributes = "attributes";        // AttributeLocation
 inline constexpr const char* kCameraPath = "camera_path";       // FrameCamera, by ascending frame; may be empty
 inline constexpr const char* kContent = "content";              // ContentChecksums[1]

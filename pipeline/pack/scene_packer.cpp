@@ -4,6 +4,7 @@
 
 #include "cache/section_file.h"
 #include "pipeline/pack/bake_micromap.h"
+#include "pipeline/pack/make_motion.h"
 #include "pipeline/pack/pack_attributes.h"
 #include "pipeline/pack/pack_environment.h"
 #include "pipeline/pack/pack_image.h"
@@ -11,6 +12,7 @@
 #include "pipeline/pack/pack_page_tree.h"
 #include "pipeline/pack/pack_pages.h"
 #include "pipeline/pack/spool_mesh.h"
+#include "pipeline/shutter.h"
 #include "pipeline/source_files.h"
 #include "pipeline/store.h"
 #include "pipeline/store_validation.h"
@@ -192,6 +194,11 @@ Status ScenePacker::check_mesh(const MeshInput& mesh) const {
   return {};
 }
 
+Status ScenePacker::check_object(uint32_t object) const {
+  if (object != 0 && object < scene_.object_count) return {};
+  return error("instance {}: is of object {}, but there are 1 to {}", instances_.size(), object, scene_.object_count - 1);
+}
+
 Status ScenePacker::add_mesh(const MeshInput& mesh) {
   SPILLWAY_TRY(state_);
   SPILLWAY_TRY(failed(check_mesh(mesh)));
@@ -201,23 +208,48 @@ Status ScenePacker::add_mesh(const MeshInput& mesh) {
   return {};
 }
 
-Status ScenePacker::add_instance(uint32_t object, const Affine3& world_from_object) {
-  SPILLWAY_TRY(state_);
-  const std::string where = fmt::format("instance {}", instances_.size());
-  if (object == 0 || object >= scene_.object_count)
-    return failed(error("{}: is of object {}, but there are 1 to {}", where, object, scene_.object_count - 1));
+Status ScenePacker::add_placed(uint32_t object, const Affine3& world_from_object, const Motion* motion) {
   cache::Instance instance{};
   instance.object = object;
   instance.world_from_object = world_from_object;
   if (!invert(world_from_object, instance.object_from_world))
-    return failed(error("{} (of '{}'): its transform has no finite inverse", where, object_names_[object - 1]));
+    return failed(error("instance {} (of '{}'): its transform has no finite inverse", instances_.size(),
+                        object_names_[object - 1]));
+  if (motion != nullptr) {
+    motions_.push_back(*motion);
+    instance.motion = static_cast<uint32_t>(motions_.size());
+  }
   instances_.push_back(instance);
   return {};
+}
+
+Status ScenePacker::add_instance(uint32_t object, const Affine3& world_from_object) {
+  SPILLWAY_TRY(state_);
+  SPILLWAY_TRY(failed(check_object(object)));
+  return add_placed(object, world_from_object, nullptr);
+}
+
+Status ScenePacker::add_moving_instance(uint32_t object, const Affine3& start, const Affine3& end) {
+  SPILLWAY_TRY(state_);
+  SPILLWAY_TRY(failed(check_object(object)));
+  const Result<Motion> motion = make_motion(start, end);
+  if (!motion)
+    return failed(error("instance {} (of '{}'): {}", instances_.size(), object_names_[object - 1], motion.error().message));
+  return add_placed(object, start, &*motion);
 }
 
 void ScenePacker::set_settings(const SceneSettings& settings) {
   settings_ = settings;
   has_settings_ = true;
+}
+
+Status ScenePacker::set_camera_end(const Affine3& world_from_camera) {
+  SPILLWAY_TRY(state_);
+  const Result<Motion> motion = make_motion(settings_.camera.world_from_camera, world_from_camera);
+  if (!motion) return failed(error("the camera: {}", motion.error().message));
+  motions_.push_back(*motion);
+  settings_.camera.motion = static_cast<uint32_t>(motions_.size());
+  return {};
 }
 
 void ScenePacker::set_camera_path(uint32_t first_frame, std::span<const shading::Camera> cameras) {
@@ -267,6 +299,15 @@ void ScenePacker::keep_instances_of_triangles() {
   std::vector<bool> has_triangles(scene_.object_count, false);
   for (const SpooledMesh& mesh : scene_.meshes) has_triangles[mesh.row.object] = true;
   std::erase_if(instances_, [&](const cache::Instance& i) { return i.object != 0 && !has_triangles[i.object]; });
+  std::vector<Motion> motions;  // of those that are left, and of the camera
+  const auto keep = [&](uint32_t& motion) {
+    if (motion == 0) return;
+    motions.push_back(motions_[motion - 1]);
+    motion = static_cast<uint32_t>(motions.size());
+  };
+  keep(settings_.camera.motion);
+  for (cache::Instance& instance : instances_) keep(instance.motion);
+  motions_ = std::move(motions);
 }
 
 Status ScenePacker::write_store() {
@@ -305,6 +346,18 @@ Status ScenePacker::open_images(Packed& packed) const {
   return {};
 }
 
+// As long as any camera may look.
+MovingInstances ScenePacker::moving_instances() const {
+  const Shutter shutter = shutter_of(settings_);
+  MovingInstances moving{motions_, shutter.earliest(), shutter.latest()};
+  for (const FrameCamera& frame : camera_path_) {
+    const Shutter other = shutter_of(frame.camera, settings_.motion);
+    moving.first_time = std::min(moving.first_time, other.earliest());
+    moving.last_time = std::max(moving.last_time, other.latest());
+  }
+  return moving;
+}
+
 Status ScenePacker::write_pages(Packed& packed) {
   const PackPagesOptions options{options_.max_triangles_per_page, options_.tree, options_.memory_limit_bytes};
   const BakeMicromap bake = [&](uint32_t texture, const Float2(&uv)[3]) {
@@ -314,7 +367,7 @@ Status ScenePacker::write_pages(Packed& packed) {
   SPILLWAY_ASSIGN(packed.plan, plan_pages(scene_, options));
   SPILLWAY_ASSIGN(const std::vector<Bounds3> bounds, pack_pages(scene_, packed.plan, bake, options, file,
                                                                    packed.content.trace_pages));
-  packed.tree = pack_page_tree(bounds, packed.plan.pages, instances_, scene_.object_count, options_.tree);
+  packed.tree = pack_page_tree(bounds, packed.plan.pages, instances_, scene_.object_count, options_.tree, moving_instances());
   return file.commit();
 }
 
@@ -342,7 +395,7 @@ std::string ScenePacker::name_lines() const {
 
 Status ScenePacker::write_manifest(const Packed& packed) {
   // No padding inside, whose bytes would be anything.
-  static_assert(sizeof(SceneSettings) == 200);
+  static_assert(sizeof(SceneSettings) == 208);
   settings_.statistics = statistics(packed);
   std::vector<Mesh> meshes;
   for (const SpooledMesh& mesh : scene_.meshes) meshes.push_back(mesh.row);
@@ -365,6 +418,7 @@ Status ScenePacker::write_manifest(const Packed& packed) {
   add(section::kTreeEntries, packed.tree.entries);
   add(section::kTreeObjects, packed.tree.objects);
   add(section::kInstances, instances_);
+  add(section::kMotions, motions_);
   add(section::kAttributes, packed.attributes);
   add(section::kCameraPath, camera_path_);
   writer.add(section::kContent, std::as_bytes(std::span(&packed.content, 1)));

@@ -23,6 +23,7 @@
 #include "pipeline/pack/build_trees.h"
 #include "pipeline/pack/mesh_spool.h"
 #include "pipeline/pack/pack_images.h"
+#include "pipeline/pack/pack_page_tree.h"
 #include "pipeline/pack/scene_sink.h"
 #include "pipeline/store_validation.h"
 
@@ -53,7 +54,9 @@ class ScenePacker final : public SceneSink {
   uint32_t begin_object(std::string name) override;
   Status add_mesh(const MeshInput& mesh) override;
   Status add_instance(uint32_t object, const Affine3& world_from_object) override;
+  Status add_moving_instance(uint32_t object, const Affine3& start, const Affine3& end) override;
   void set_settings(const SceneSettings& settings) override;
+  Status set_camera_end(const Affine3& world_from_camera) override;
   void set_camera_path(uint32_t first_frame, std::span<const shading::Camera> cameras) override;
   Status finish() override;
 
@@ -68,9 +71,12 @@ class ScenePacker final : public SceneSink {
   Result<T> fail(Error problem);
   Status failed(Status status);
   Status check_mesh(const MeshInput& mesh) const;
+  Status check_object(uint32_t object) const;
+  Status add_placed(uint32_t object, const Affine3& world_from_object, const Motion* motion);
   Status write_store();
   Status number_meshes();
   void keep_instances_of_triangles();
+  [[nodiscard]] MovingInstances moving_instances() const;
   Status open_images(Packed& packed) const;
   Status write_pages(Packed& packed);
   SceneStatistics statistics(const Packed& packed) const;
@@ -94,6 +100,7 @@ class ScenePacker final : public SceneSink {
   std::vector<shading::Light> lights_;
   ImageId environment_image_;
   std::vector<cache::Instance> instances_;
+  std::vector<Motion> motions_;
   uint64_t degenerate_count_ = 0;
   Status state_;               // the first error
   bool has_settings_ = false;

@@ -62,9 +62,10 @@ void connect(RenderState& state) {
   const Store& store = state.store;
   const SceneSettings& settings = state.options.settings;
   ShadeInputs& in = state.inputs;
-  in.settings = {store.light_table(), settings.render.max_depth, settings.render.seed};
+  in.settings = {store.light_table(), settings.render.max_depth, settings.render.seed};  // the shutter is the frame's
   in.tables = {store.meshes(), store.materials(), state.evaluator.get()};
   in.instances = store.page_tree().instances;
+  in.motions = store.motions();
   state.resolver = std::make_unique<MaterialResolver>(in.tables, settings.render.seed);
   in.resolver = state.resolver.get();
   in.wants_aovs = state.options.aov_layers;

@@ -99,11 +99,8 @@ class Shader {
         if (const auto resident = attributes_.resident(block); !resident.empty()) bytes = resident;
       }
       const cache::TriangleAttributes triangle = cache::triangle_attributes(bytes, PrimId{hit.hit.prim});
-      InstanceTransform transform;
-      if (hit.hit.instance != 0) {
-        const cache::Instance& instance = inputs_.instances[hit.hit.instance];
-        transform = {&instance.world_from_object, &instance.object_from_world};
-      }
+      Pose moved;
+      const InstanceTransform transform = instance_transform(inputs_, hit, moved);
       const uint32_t mesh = triangle.mesh.value;
       const bool flip = inputs_.tables.meshes[mesh].flags & kMeshFlipNormals;
       scratch.points[i] = shading_point(triangle, hit, transform, flip);
@@ -181,6 +178,15 @@ std::vector<uint32_t> blocks_touched(std::span<const HitRecord> hits, const Attr
 }
 
 }  // namespace
+
+InstanceTransform instance_transform(const ShadeInputs& inputs, const HitRecord& hit, Pose& moved) {
+  const float time = ray_time(inputs.settings.shutter, sample_key(hit.path, inputs.settings.seed));
+  if (hit.hit.instance == 0) return {nullptr, nullptr, time};
+  const cache::Instance& instance = inputs.instances[hit.hit.instance];
+  if (instance.motion == 0) return {&instance.world_from_object, &instance.object_from_world, time};
+  moved = pose_at(inputs.motions[instance.motion - 1], time);
+  return {&moved.transform, &moved.inverse, time};
+}
 
 AovRecord first_hit_aovs(const SurfaceQuery& q) {
   const Float3 w_prev = q.hit->direction_world * -1.0f;

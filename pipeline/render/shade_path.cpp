@@ -81,6 +81,7 @@ ShadingPoint shading_point(const cache::TriangleAttributes& triangle, const HitR
   const float distance = hit.hit.t * length(hit.direction_world);
   point.width_world = hit.path.cone_width + hit.path.cone_spread * distance;
   point.width_uv = point.width_world * map.uv_per_world;
+  point.time = instance.time;
   return point;
 }
 
@@ -105,11 +106,11 @@ bool emission_splat(const PathSettings& settings, const HitRecord& hit, const Sh
 // A ray from the point to where the light was sampled, short of the light itself.
 cache::TraceRay shadow_ray(const ShadingPoint& point, const shading::LightSample& sample) {
   const Float3 origin = shading::ray_origin(point.position, point.normal_geometric, sample.w_next_world);
-  if (!std::isfinite(sample.distance)) return {origin, INFINITY, sample.w_next_world, 0};
+  if (!std::isfinite(sample.distance)) return {origin, INFINITY, sample.w_next_world, point.time};
   const Float3 to_light = sample.point_world - origin;
   // The light's own surface lies at 1, give or take the rounding of coordinates of this size.
   const float margin = 64 * 0x1p-24f * (1 + max_abs(sample.point_world) / sample.distance);
-  return {origin, 1 - margin, to_light, 0};
+  return {origin, 1 - margin, to_light, point.time};
 }
 
 void next_event(const PathSettings& settings, const HitRecord& hit, const ShadingPoint& point,
@@ -163,7 +164,7 @@ void next_direction(const PathSettings& settings, const HitRecord& hit, const Sh
   // A broad lobe spreads the cone: half the angle whose solid angle is 1/pdf (Akenine-Moeller et al. 2021, section 4).
   if (!sample.is_delta) path.cone_spread = std::max(path.cone_spread, 0.5f / std::sqrt(std::max(1.0f, sample.pdf_solid_angle)));
   const Float3 w_next = frame.world_from_local(sample.w_next_local);
-  out.path_ray = {shading::ray_origin(point.position, point.normal_geometric, w_next), INFINITY, w_next, 0};
+  out.path_ray = {shading::ray_origin(point.position, point.normal_geometric, w_next), INFINITY, w_next, point.time};
   out.path = path;
   out.has_path = true;
 }
@@ -202,7 +203,7 @@ bool stopped_by_alpha(const HitRecord& hit, uint32_t seed, float alpha) {
 
 cache::TraceRay ray_beyond(const HitRecord& hit, const ShadingPoint& point) {
   const Float3 origin = shading::ray_origin(point.position, point.normal_geometric, hit.direction_world);
-  return {origin, hit.t_max - hit.hit.t, hit.direction_world, 0};
+  return {origin, hit.t_max - hit.hit.t, hit.direction_world, point.time};
 }
 
 }  // namespace spillway::pipeline

@@ -10,24 +10,13 @@
 #include <filesystem>
 #include <fstream>
 
-#include "tests/support/small_scene.h"
+#include "tests/tools/rendered_scene.h"
 #include "tools/metrics/statistical_equality.h"
 
 namespace spillway::tools {
 namespace {
 
 namespace fs = std::filesystem;
-
-Picture rendered(const fs::path& scene, int samples) {
-  const test::TemporaryDirectory directory;
-  const std::string out = directory.path() / "out.exr";
-  const std::string command = fmt::format(SPILLWAY_PROGRAM " render {} --store {} -o {} --spp {} --half-buffers -q",
-                                          scene.string(), (directory.path() / "a.store").string(), out, samples);
-  EXPECT_EQ(std::system(command.c_str()), 0) << command;
-  auto picture = read_picture(out);
-  EXPECT_TRUE(picture) << picture.error().message;
-  return picture ? *picture : Picture{};
-}
 
 struct Mean {
   double value = 0, standard_error = 0;
