@@ -5,9 +5,9 @@
 #include <cstdint>
 #include <span>
 
-#include "cache/base/ids.h"
 #include "cache/base/vec.h"
 #include "cache/volume_table.h"
+#include "pipeline/records.h"
 
 namespace spillway::pipeline {
 
@@ -36,8 +36,6 @@ struct Medium {
 };
 static_assert(sizeof(Medium) == 160);
 
-// What a ray is in: a medium's number, or nothing. 16 bits: it shares a word with the bounce.
-inline constexpr uint16_t kNoMedium = 0xffff;
 inline constexpr uint32_t kMaxMedia = kNoMedium;
 
 // Normalised radiance of black bodies: entry i is that of i * kBlackBodyStep_kelvin, linear in between.

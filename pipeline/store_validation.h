@@ -33,6 +33,8 @@ class TextureCosts {
   std::vector<uint32_t> costs_;
 };
 Status check_material(const Material& material, size_t index, size_t texture_count, std::string_view where);
+// Numbers that are finite and in their ranges; volumes that are there.
+Status check_medium(const Medium& medium, size_t volume_count, std::string_view where);
 // Finite numbers, a unit axis, a spot whose edges are in order.
 Status check_light(const shading::Light& light, std::string_view where);
 

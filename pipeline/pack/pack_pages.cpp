@@ -7,6 +7,7 @@
 #include "cache/base/hash.h"
 #include "cache/base/parallel.h"
 #include "cache/base/parallel_status.h"
+#include "pipeline/pack/bake_micromap.h"
 #include "pipeline/pack/cluster_pages.h"
 
 namespace spillway::pipeline {
@@ -99,7 +100,8 @@ BatchPlan plan_batches(const SpooledScene& scene, const PagePlan& plan) {
   BatchPlan batches{std::vector<PageRange>(scene.chunks.size()), std::vector<uint64_t>(plan.pages.size(), 0)};
   for (size_t c = 0; c < scene.chunks.size(); ++c) {
     const PlacedChunk& placed = scene.chunks[c];
-    const bool has_alpha = scene.meshes[placed.mesh].row.alpha_texture != TextureId::kNone;
+    const bool has_alpha = scene.meshes[placed.mesh].row.alpha_texture != TextureId::kNone ||
+                           (scene.meshes[placed.mesh].row.flags & kMeshIsInterface) != 0;
     PageRange& range = batches.chunk_pages[c];
     for (uint32_t face = 0; face < placed.chunk.face_count; ++face) {
       const uint32_t page = plan.page_of_prim[placed.first_prim + face];
@@ -139,6 +141,7 @@ class BatchFiller {
                     reader_.read(placed.chunk, alpha != TextureId::kNone));
     std::vector<std::vector<std::byte>> micromaps;
     if (alpha != TextureId::kNone) SPILLWAY_TRY(bake_chunk(placed, data, alpha, micromaps));
+    if (scene_.meshes[placed.mesh].row.flags & kMeshIsInterface) micromaps.assign(placed.chunk.face_count, unknown_micromap());
     for (uint32_t face = 0; face < placed.chunk.face_count; ++face) {
       PageInput* page = page_of(placed.first_prim + face);
       if (page == nullptr) continue;

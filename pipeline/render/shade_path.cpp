@@ -2,6 +2,8 @@
 
 #include <cmath>
 
+#include "shading/medium.h"
+
 namespace spillway::pipeline {
 namespace {
 
@@ -103,14 +105,13 @@ bool emission_splat(const PathSettings& settings, const HitRecord& hit, const Sh
   return true;
 }
 
-// A ray from the point to where the light was sampled, short of the light itself.
-cache::TraceRay shadow_ray(const ShadingPoint& point, const shading::LightSample& sample) {
-  const Float3 origin = shading::ray_origin(point.position, point.normal_geometric, sample.w_next_world);
-  if (!std::isfinite(sample.distance)) return {origin, INFINITY, sample.w_next_world, point.time};
+// A ray from `origin` to where the light was sampled, short of the light itself.
+cache::TraceRay shadow_ray(Float3 origin, const shading::LightSample& sample, float time) {
+  if (!std::isfinite(sample.distance)) return {origin, INFINITY, sample.w_next_world, time};
   const Float3 to_light = sample.point_world - origin;
   // The light's own surface lies at 1, give or take the rounding of coordinates of this size.
   const float margin = 64 * 0x1p-24f * (1 + max_abs(sample.point_world) / sample.distance);
-  return {origin, 1 - margin, to_light, point.time};
+  return {origin, 1 - margin, to_light, time};
 }
 
 void next_event(const PathSettings& settings, const HitRecord& hit, const ShadingPoint& point,
@@ -127,9 +128,10 @@ void next_event(const PathSettings& settings, const HitRecord& hit, const Shadin
   const float weight = light.is_delta ? 1 : shading::power_heuristic(light.pdf_solid_angle, f.pdf_solid_angle);
   const Rgb contribution = hit.path.throughput * f.f_cos * light.radiance * (weight / light.pdf_solid_angle);
   if (is_black(contribution)) return;
-  out.shadow_ray = shadow_ray(point, light);
+  const Float3 origin = shading::ray_origin(point.position, point.normal_geometric, light.w_next_world);
+  out.shadow_ray = shadow_ray(origin, light, point.time);
   if (!(out.shadow_ray.t_max > 0)) return;
-  out.shadow = {hit.path.sink, hit.path.sample, hit.path.bounce, contribution};
+  out.shadow = {hit.path.sink, hit.path.sample, medium_beyond(point, light.w_next_world), hit.path.bounce, contribution};
   out.has_shadow = true;
 }
 
@@ -143,6 +145,11 @@ bool survives_roulette(PathRecord& path, float u) {
   if (u >= survival) return false;
   path.throughput = path.throughput * (1 / survival);
   return true;
+}
+
+// A broad lobe spreads the cone: half the angle whose solid angle is 1/pdf (Akenine-Moeller et al. 2021, section 4).
+void spread_cone(PathRecord& path, float pdf_solid_angle) {
+  path.cone_spread = std::max(path.cone_spread, 0.5f / std::sqrt(std::max(1.0f, pdf_solid_angle)));
 }
 
 void next_direction(const PathSettings& settings, const HitRecord& hit, const ShadingPoint& point,
@@ -161,9 +168,9 @@ void next_direction(const PathSettings& settings, const HitRecord& hit, const Sh
   path.pdf_previous = sample.is_delta ? 0 : sample.pdf_solid_angle;
   path.position_previous = point.position;
   path.cone_width = point.width_world;
-  // A broad lobe spreads the cone: half the angle whose solid angle is 1/pdf (Akenine-Moeller et al. 2021, section 4).
-  if (!sample.is_delta) path.cone_spread = std::max(path.cone_spread, 0.5f / std::sqrt(std::max(1.0f, sample.pdf_solid_angle)));
+  if (!sample.is_delta) spread_cone(path, sample.pdf_solid_angle);
   const Float3 w_next = frame.world_from_local(sample.w_next_local);
+  path.medium = medium_beyond(point, w_next);
   out.path_ray = {shading::ray_origin(point.position, point.normal_geometric, w_next), INFINITY, w_next, point.time};
   out.path = path;
   out.has_path = true;
@@ -182,6 +189,56 @@ ShadedVertex shade_vertex(const PathSettings& settings, const HitRecord& hit, co
   next_event(settings, hit, point, surface, frame, w_prev_local, out);
   next_direction(settings, hit, point, surface, frame, w_prev_local, out);
   return out;
+}
+
+namespace {
+
+void next_event_in_medium(const PathSettings& settings, const HitRecord& hit, float g, float time, ShadedVertex& out) {
+  if (settings.lights.lights.empty()) return;
+  const Float3 place = hit.path.position_previous;
+  const shading::SampleKey key = sample_key(hit.path, settings.seed);
+  const Float2 u = shading::sample_2d(key, shading::bounce_slot(hit.path.bounce, shading::kBounceLight));
+  const Float2 select = shading::sample_2d(key, shading::bounce_slot(hit.path.bounce, shading::kBounceLightSelect));
+  const shading::LightSample light = shading::sample_light(settings.lights, place, select.x, u);
+  if (!(light.pdf_solid_angle > 0) || is_black(light.radiance)) return;
+  const float phase = shading::henyey_greenstein(g, dot(hit.direction_world, light.w_next_world));
+  const float weight = light.is_delta ? 1 : shading::power_heuristic(light.pdf_solid_angle, phase);
+  const Rgb contribution = hit.path.throughput * light.radiance * (phase * weight / light.pdf_solid_angle);
+  if (is_black(contribution)) return;
+  out.shadow_ray = shadow_ray(place, light, time);
+  if (!(out.shadow_ray.t_max > 0)) return;
+  out.shadow = {hit.path.sink, hit.path.sample, hit.path.medium, hit.path.bounce, contribution};
+  out.has_shadow = true;
+}
+
+}  // namespace
+
+ShadedVertex shade_medium(const PathSettings& settings, const HitRecord& hit) {
+  ShadedVertex out;
+  if (hit.path.bounce >= settings.max_depth) return out;
+  const float g = settings.media[hit.path.medium].g;
+  const shading::SampleKey key = sample_key(hit.path, settings.seed);
+  const float time = ray_time(settings.shutter, key);
+  next_event_in_medium(settings, hit, g, time, out);
+  const Float2 u = shading::sample_2d(key, shading::bounce_slot(hit.path.bounce, shading::kBounceBsdf));
+  const Float2 choose =
+      shading::sample_2d(key, shading::bounce_slot(hit.path.bounce, shading::kBounceLobeAndRoulette));
+  const Float3 w_next = shading::sample_henyey_greenstein(g, hit.direction_world, u);
+  out.path = hit.path;
+  out.path.bounce += 1;
+  if (!survives_roulette(out.path, choose.y)) return out;
+  out.path.pdf_previous = shading::henyey_greenstein(g, dot(hit.direction_world, w_next));
+  out.path.cone_width = hit.path.cone_width + hit.path.cone_spread * hit.hit.t * length(hit.direction_world);
+  spread_cone(out.path, out.path.pdf_previous);
+  out.path_ray = {hit.path.position_previous, INFINITY, w_next, time};
+  out.has_path = true;
+  return out;
+}
+
+void set_media(const Mesh& mesh, uint32_t medium_of_ray, ShadingPoint& point) {
+  const bool divides = (mesh.flags & kMeshDividesMedia) != 0;
+  point.medium_inside = divides ? mesh.medium_inside : medium_of_ray;
+  point.medium_outside = divides ? mesh.medium_outside : medium_of_ray;
 }
 
 SplatRecord escaped_splat(const PathSettings& settings, const PathRecord& path, Float3 direction_world) {

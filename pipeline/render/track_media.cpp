@@ -21,7 +21,8 @@ const Rgb& carried(const ShadowRecord& record) { return record.contribution; }
 constexpr bool is_shadow(const PathRecord&) { return false; }
 constexpr bool is_shadow(const ShadowRecord&) { return true; }
 
-// False: the ray is in no medium, or nothing can come of it.
+}  // namespace
+
 template <class Record>
 bool make_segment(const MediaInputs& inputs, const cache::TraceRay& ray, const cache::TraceHit& hit,
                   const Record& record, MediumSegment& segment) {
@@ -37,6 +38,13 @@ bool make_segment(const MediaInputs& inputs, const cache::TraceRay& ray, const c
   segment.shares = {magnitude(c.r), magnitude(c.g), magnitude(c.b)};
   return true;
 }
+
+template bool make_segment(const MediaInputs&, const cache::TraceRay&, const cache::TraceHit&, const PathRecord&,
+                           MediumSegment&);
+template bool make_segment(const MediaInputs&, const cache::TraceRay&, const cache::TraceHit&, const ShadowRecord&,
+                           MediumSegment&);
+
+namespace {
 
 // ---- everything resident: a segment at a time ----
 

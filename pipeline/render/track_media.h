@@ -66,6 +66,11 @@ struct TrackMediaScratch {
 Status track_media(const MediaInputs& inputs, const MediaRays<PathRecord>& paths, const MediaRays<ShadowRecord>& shadows,
                    const TrackMediaOptions& options, TrackMediaScratch& scratch, TrackMediaReport& report);
 
+// The segment of a ray. False: it is in no medium, or nothing can come of it.
+template <class Record>
+bool make_segment(const MediaInputs& inputs, const cache::TraceRay& ray, const cache::TraceHit& hit,
+                  const Record& record, MediumSegment& segment);
+
 // One segment whose bricks are all resident: the depth-first reference.
 [[nodiscard]] SegmentResult track_segment(const MediaInputs& inputs, const MediumSegment& segment, bool is_shadow);
 
