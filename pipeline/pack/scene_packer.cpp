@@ -414,13 +414,11 @@ Status ScenePacker::write_pages(Packed& packed) {
 Status ScenePacker::write_volumes(Packed& packed) const {
   const fs::path path = directory_ / kVolumesFile;
   std::error_code code;
-  if (media_.medium_count() == 0) {
-    fs::remove(path, code);
-    return {};
-  }
+  fs::remove(path, code);
+  if (media_.medium_count() == 0) return {};
   SPILLWAY_ASSIGN(auto bricks, cache::WriteFile::create(path, cache::IoPurpose::pack));
   SPILLWAY_ASSIGN(packed.media, media_.pack(bricks, path, {options_.volume_brick_voxels, options_.memory_limit_bytes}));
-  return bricks.commit();
+  return media_.has_volumes() ? bricks.commit() : Status{};
 }
 
 SceneStatistics ScenePacker::statistics(const Packed& packed) const {

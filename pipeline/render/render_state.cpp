@@ -1,5 +1,7 @@
 #include "pipeline/render/render_state.h"
 
+#include <numeric>
+
 namespace spillway::pipeline {
 namespace {
 
@@ -38,6 +40,25 @@ Status open_geometry(RenderState& state) {
   return {};
 }
 
+// A scene without grids has no store of bricks.
+Status open_volumes(RenderState& state) {
+  const MediumTables tables = state.store.medium_tables();
+  state.media = {tables, nullptr, state.options.settings.render.seed};
+  if (tables.volumes.bricks.empty()) return {};
+  std::vector<cache::Part> parts;
+  for (const cache::VolumeBrickLocation& brick : tables.volumes.bricks) parts.push_back({brick.offset_bytes, brick.size_bytes});
+  auto options = part_options(state, MemoryTag::volumes, cache::IoPurpose::volumes, state.plan.volume_bytes);
+  SPILLWAY_ASSIGN(auto store, cache::PartStore::open(state.store.volumes_path(), std::move(parts), options,
+                                                     cache::validate_volume_brick));
+  state.volumes = std::make_unique<VolumeStore>(std::move(store));
+  state.media.volumes = state.volumes.get();
+  if (!state.volumes->parts().fits()) return {};
+  // All of it is in memory from here on: segments find their bricks without sweeps.
+  std::vector<uint32_t> all(tables.volumes.bricks.size());
+  std::iota(all.begin(), all.end(), 0u);
+  return state.volumes->parts().sweep(all, [](uint32_t, std::span<const std::byte>) -> Status { return {}; });
+}
+
 // A scene without images has no texture cache.
 Status open_textures(RenderState& state) {
   const Store& store = state.store;
@@ -63,6 +84,7 @@ void connect(RenderState& state) {
   const SceneSettings& settings = state.options.settings;
   ShadeInputs& in = state.inputs;
   in.settings = {store.light_table(), settings.render.max_depth, settings.render.seed};  // the shutter is the frame's
+  in.settings.media = store.medium_tables().media;
   in.tables = {store.meshes(), store.materials(), state.evaluator.get()};
   in.instances = store.page_tree().instances;
   in.motions = store.motions();
@@ -82,6 +104,7 @@ Status open_render_state(RenderState& state) {
   SPILLWAY_TRY(open_scratch(state));
   SPILLWAY_TRY(open_geometry(state));
   SPILLWAY_TRY(open_textures(state));
+  SPILLWAY_TRY(open_volumes(state));
   connect(state);
   return {};
 }
@@ -97,6 +120,7 @@ Status open_film(RenderState& state) {
 CountersBefore::CountersBefore(const RenderState& state)
     : pages(state.page_parts->counters()), attributes(state.attributes->parts().counters()) {
   if (state.textures) textures = state.textures->counters();
+  if (state.volumes) volumes = state.volumes->parts().counters();
 }
 
 std::array<cache::IoUse, cache::kIoPurposeCount> CountersBefore::io() {
@@ -141,6 +165,7 @@ void fill_report(const RenderState& state, const CountersBefore& before, RenderR
   report.plan = state.plan;
   report.pages = gained(state.page_parts->counters(), before.pages);
   report.attributes = gained(state.attributes->parts().counters(), before.attributes);
+  if (state.volumes) report.volumes = gained(state.volumes->parts().counters(), before.volumes);
   report.has_textures = state.textures != nullptr;
   if (state.textures) report.textures = gained(state.textures->counters(), before.textures);
   if (state.scratch) report.scratch_peak_bytes = state.scratch->peak_bytes();

@@ -192,6 +192,13 @@ Status open(const Store& store, const ReferenceOptions& options, ReferenceState&
   state.inputs.tables = {store.meshes(), store.materials(), state.evaluator.get()};
   state.inputs.instances = store.page_tree().instances;
   state.inputs.motions = store.motions();
+  state.inputs.settings.media = store.medium_tables().media;
+  state.media = {store.medium_tables(), nullptr, render.seed};
+  if (const auto bricks = store.medium_tables().volumes.bricks; !bricks.empty()) {
+    SPILLWAY_ASSIGN(auto volumes, load_all(store.volumes_path(), bricks, MemoryTag::volumes, cache::validate_volume_brick));
+    state.volumes = std::make_unique<VolumeStore>(std::move(volumes));
+    state.media.volumes = state.volumes.get();
+  }
   state.resolver = std::make_unique<MaterialResolver>(state.inputs.tables, render.seed);
   state.inputs.resolver = state.resolver.get();
   state.inputs.wants_aovs = options.aov_layers;
@@ -215,7 +222,7 @@ Result<std::unique_ptr<Film>> render_reference(const Store& store, const Tracer&
   auto film = std::make_unique<Film>(std::move(empty));
   const uint32_t spp = settings.render.samples_per_pixel;
   CameraRays camera(settings.camera, settings.filter, pixel_window(settings), settings.render.seed,
-                    ray_times(store, settings), settings.film.exposure_scale);
+                    ray_times(store, settings), settings.film.exposure_scale, settings.media.camera_medium);
   const Walker::Shared shared{tracer, state.inputs, *state.attributes, state.media, *film};
   tbb::enumerable_thread_specific<Walker> walkers([&] { return Walker(shared); });
   constexpr size_t kBatch = 1 << 16;
