@@ -36,7 +36,7 @@ double value_noise(uint64_t key, Vec2 at) {
 Terrain::Terrain(const TerrainOptions& options) : options_(options) {
   Random random(key_of(options.seed, 0x7e44a1));
   const double r = options.radius_m;
-  if (options.bay) islands_ = {{{-1.12 * r, -1.32 * r}, 0.16 * r, 0.10 * r + 20}, {{-1.5 * r, -1.62 * r}, 0.22 * r, 0.14 * r + 20}};
+  if (options.bay) islands_ = {{{0.97 * r, -1.30 * r}, 0.13 * r, 0.09 * r + 20}, {{-1.4 * r, -1.3 * r}, 0.2 * r, 0.12 * r + 20}};
   if (!options.hills) return;
   for (int i = 0; i < 9; ++i) {
     const double width = r * random.between(0.10, 0.19);

@@ -37,7 +37,7 @@ View street_view(const std::vector<Block>& blocks, const Terrain& terrain) {
 
 View aerial_view(const Terrain& terrain) {
   const double r = std::max(terrain.radius_m(), 250.0);
-  return {{0.62 * r, -0.98 * r, 0.36 * r}, {-0.02 * r, 0.02 * r, 0.03 * r}, 36};
+  return {{-0.50 * r, -0.84 * r, 0.20 * r}, {0.06 * r, -0.02 * r, 0.015 * r}, 38};
 }
 
 // From over the bay past downtown's towers to the hills.
@@ -105,7 +105,7 @@ Rgb sky_radiance(TimeOfDay time, Float3 w) {
   const float near_sun = std::max(0.0f, spillway::dot(w, towards_sun(time)));
   const float low = time == TimeOfDay::dusk ? std::pow(1 - up, 5.0f) : 1.0f;
   sky += colours.glow * (low * std::pow(near_sun, colours.glow_width));
-  if (w.z < 0) sky = sky * std::max(0.25f, 1 + 4 * w.z);  // below the horizon: haze over the land
+  if (w.z < 0) sky = sky * std::max(0.3f, 1 + w.z);  // below the horizon: haze over the land
   return sky;
 }
 

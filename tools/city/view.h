@@ -22,7 +22,7 @@ struct View {
 [[nodiscard]] View view_of(CameraKind kind, double part, const std::vector<Block>& blocks, const Terrain& terrain);
 [[nodiscard]] pipeline::SceneSettings settings_of(const View& view);
 
-inline constexpr uint32_t kSkySize = 256;  // texels an edge
+inline constexpr uint32_t kSkySize = 512;  // texels an edge
 // Radiance of the sky, without the sun.
 [[nodiscard]] Rgb sky_radiance(TimeOfDay time, Float3 w_world);
 Status write_sky(const std::filesystem::path& file, TimeOfDay time);

@@ -123,7 +123,7 @@ void bridge_cables(Geometry& g, const Bridge& b) {
 
 void bridge(Geometry& g, const Terrain& terrain, TimeOfDay time) {
   const double r = terrain.radius_m();
-  const Vec2 from = terrain.shore_line(-0.66 * r, 8).point, to{-1.05 * r, -1.24 * r};
+  const Vec2 from = terrain.shore_line(0.24 * r, 8).point, to{0.92 * r, -1.22 * r};
   Bridge b{};
   b.frame = {{from.x, from.y, 0}, normalize(to - from)};
   b.length = length(to - from);
