@@ -88,8 +88,10 @@ TEST_F(MeshSpoolTest, a_lane_is_read_without_its_neighbours) {
   const uint64_t before = cache::io_use(cache::IoPurpose::pack).read_bytes;
   for (uint32_t lane = 0; lane < 20; ++lane) {
     SpoolReader reader(*spool);
-    for (size_t i = 0; i < chunks_.size(); ++i)
-      if (lane_[i] == lane) ASSERT_TRUE(reader.read(chunks_[i], true));
+    for (size_t i = 0; i < chunks_.size(); ++i) {
+      if (lane_[i] != lane) continue;
+      ASSERT_TRUE(reader.read(chunks_[i], true));
+    }
   }
   uint64_t bytes = 0;
   for (const MeshChunk& chunk : chunks_) bytes += chunk_bytes(chunk, true);
