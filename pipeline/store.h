@@ -49,7 +49,6 @@ struct StoreTables {
   Buffer<uint32_t> volume_entries;
   Buffer<float> volume_cells;
   Buffer<cache::VolumeBrickLocation> volume_bricks;
-  Buffer<char> names;
   Buffer<char> sources;
 };
 
@@ -98,7 +97,8 @@ class Store {
 
   // prim must be one of the scene's.
   [[nodiscard]] MeshId mesh_of(PrimId prim) const;
-  // What the scene calls `kind` ("mesh", "material", "object") number `index`; empty when unknown. Reads all names.
+  // What the scene calls `kind` ("mesh", "material", "object") number `index`; empty when unknown. Reads all names from the
+  // file: they are not kept.
   [[nodiscard]] std::string name_of(std::string_view kind, uint32_t index) const;
 
   // Whether each of `sources` is among the files that the store was made from, and none of those has changed.

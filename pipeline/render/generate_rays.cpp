@@ -26,8 +26,15 @@ RayTimes ray_times(const Store& store, const SceneSettings& settings) {
 }
 
 CameraRays::CameraRays(const shading::Camera& camera, const shading::Filter& filter, PixelWindow window, uint32_t seed,
-                       const RayTimes& times, float exposure_scale, uint32_t camera_medium)
-    : camera_(camera), filter_(filter), window_(window), seed_(seed), times_(times), exposure_scale_(exposure_scale),
+                       shading::SamplerKind sampler, const RayTimes& times, float exposure_scale,
+                       uint32_t camera_medium)
+    : camera_(camera),
+      filter_(filter),
+      window_(window),
+      seed_(seed),
+      sampler_(sampler),
+      times_(times),
+      exposure_scale_(exposure_scale),
       medium_(camera_medium),
       next_pixel_(window.pixel_count()) {}
 
@@ -54,7 +61,7 @@ CameraRays::Pixel CameraRays::pixel(uint64_t index) const {
 
 void CameraRays::camera_path(Pixel p, uint32_t sample, cache::TraceRay& ray, PathRecord& path) const {
   const uint32_t sink = p.y * camera_.resolution_x_px + p.x;
-  const shading::SampleKey key{sink, sample, seed_};
+  const shading::SampleKey key{sink, sample, seed_, sampler_};
   const shading::FilterSample film = filter_.sample(shading::sample_2d(key, shading::kSlotFilm));
   const Float2 raster{static_cast<float>(p.x) + 0.5f + film.offset_px.x, static_cast<float>(p.y) + 0.5f + film.offset_px.y};
   const Float2 u_lens = camera_.lens_radius > 0 ? shading::sample_2d(key, shading::kSlotLens) : Float2{0.5f, 0.5f};

@@ -13,6 +13,7 @@
 #include "pipeline/shutter.h"
 #include "pipeline/store.h"
 #include "shading/camera.h"
+#include "shading/sampler.h"
 
 namespace spillway::pipeline {
 
@@ -36,7 +37,8 @@ struct RayTimes {
 class CameraRays {
  public:
   CameraRays(const shading::Camera& camera, const shading::Filter& filter, PixelWindow window, uint32_t seed,
-             const RayTimes& times = {}, float exposure_scale = 1, uint32_t camera_medium = kNoMedium);
+             shading::SamplerKind sampler = shading::SamplerKind::sobol, const RayTimes& times = {},
+             float exposure_scale = 1, uint32_t camera_medium = kNoMedium);
 
   void begin(const Epoch& epoch);
   [[nodiscard]] bool exhausted() const { return next_pixel_ == window_.pixel_count(); }
@@ -54,6 +56,7 @@ class CameraRays {
   shading::FilterSampler filter_;
   PixelWindow window_;
   uint32_t seed_;
+  shading::SamplerKind sampler_;
   RayTimes times_;
   float exposure_scale_;
   uint32_t medium_;

@@ -66,9 +66,12 @@ class StageTimer {
 class RenderLoop {
  public:
   RenderLoop(RenderState& state, RenderReport& report)
-      : state_(state), report_(report), settings_(state.options.settings),
+      : state_(state),
+        report_(report),
+        settings_(state.options.settings),
         camera_rays_(settings_.camera, settings_.filter, pixel_window(settings_), settings_.render.seed,
-                     ray_times(state.store, settings_), settings_.film.exposure_scale, settings_.media.camera_medium),
+                     settings_.render.sampler, ray_times(state.store, settings_), settings_.film.exposure_scale,
+                     settings_.render.camera_medium),
         schedule_({settings_.render.samples_per_pixel, state.plan.epoch_samples, state.plan.first_epoch_samples}),
         hits_(stream_options(state, "hits", MemoryTag::hits, cache::IoPurpose::hits, state.plan.hit_bytes)) {}
 

@@ -83,7 +83,8 @@ void connect(RenderState& state) {
   const Store& store = state.store;
   const SceneSettings& settings = state.options.settings;
   ShadeInputs& in = state.inputs;
-  in.settings = {store.light_table(), settings.render.max_depth, settings.render.seed};  // the shutter is the frame's
+  // And the shutter of the frame.
+  in.settings = {store.light_table(), settings.render.max_depth, settings.render.seed, settings.render.sampler};
   in.settings.media = store.medium_tables().media;
   in.tables = {store.meshes(), store.materials(), state.evaluator.get()};
   in.instances = store.page_tree().instances;

@@ -200,7 +200,7 @@ std::vector<uint32_t> blocks_touched(std::span<const HitRecord> hits, const Attr
 }  // namespace
 
 InstanceTransform instance_transform(const ShadeInputs& inputs, const HitRecord& hit, Pose& moved) {
-  const float time = ray_time(inputs.settings.shutter, sample_key(hit.path, inputs.settings.seed));
+  const float time = ray_time(inputs.settings.shutter, sample_key(hit.path, inputs.settings.seed, inputs.settings.sampler));
   if (hit.hit.instance == 0) return {nullptr, nullptr, time};
   const cache::Instance& instance = inputs.instances[hit.hit.instance];
   if (instance.motion == 0) return {&instance.world_from_object, &instance.object_from_world, time};

@@ -117,7 +117,7 @@ cache::TraceRay shadow_ray(Float3 origin, const shading::LightSample& sample, fl
 void next_event(const PathSettings& settings, const HitRecord& hit, const ShadingPoint& point,
                 const SurfaceValues& surface, const shading::Frame& frame, Float3 w_prev_local, ShadedVertex& out) {
   if (settings.lights.lights.empty() || !shading::has_continuous_lobe(surface.bsdf)) return;
-  const shading::SampleKey key = sample_key(hit.path, settings.seed);
+  const shading::SampleKey key = sample_key(hit.path, settings.seed, settings.sampler);
   const Float2 u = shading::sample_2d(key, shading::bounce_slot(hit.path.bounce, shading::kBounceLight));
   const Float2 select = shading::sample_2d(key, shading::bounce_slot(hit.path.bounce, shading::kBounceLightSelect));
   const shading::LightSample light = shading::sample_light(settings.lights, point.position, select.x, u);
@@ -154,7 +154,7 @@ void spread_cone(PathRecord& path, float pdf_solid_angle) {
 
 void next_direction(const PathSettings& settings, const HitRecord& hit, const ShadingPoint& point,
                     const SurfaceValues& surface, const shading::Frame& frame, Float3 w_prev_local, ShadedVertex& out) {
-  const shading::SampleKey key = sample_key(hit.path, settings.seed);
+  const shading::SampleKey key = sample_key(hit.path, settings.seed, settings.sampler);
   const Float2 u = shading::sample_2d(key, shading::bounce_slot(hit.path.bounce, shading::kBounceBsdf));
   const Float2 choose =
       shading::sample_2d(key, shading::bounce_slot(hit.path.bounce, shading::kBounceLobeAndRoulette));
@@ -196,7 +196,7 @@ namespace {
 void next_event_in_medium(const PathSettings& settings, const HitRecord& hit, float g, float time, ShadedVertex& out) {
   if (settings.lights.lights.empty()) return;
   const Float3 place = hit.path.position_previous;
-  const shading::SampleKey key = sample_key(hit.path, settings.seed);
+  const shading::SampleKey key = sample_key(hit.path, settings.seed, settings.sampler);
   const Float2 u = shading::sample_2d(key, shading::bounce_slot(hit.path.bounce, shading::kBounceLight));
   const Float2 select = shading::sample_2d(key, shading::bounce_slot(hit.path.bounce, shading::kBounceLightSelect));
   const shading::LightSample light = shading::sample_light(settings.lights, place, select.x, u);
@@ -217,7 +217,7 @@ ShadedVertex shade_medium(const PathSettings& settings, const HitRecord& hit) {
   ShadedVertex out;
   if (hit.path.bounce >= settings.max_depth) return out;
   const float g = settings.media[hit.path.medium].g;
-  const shading::SampleKey key = sample_key(hit.path, settings.seed);
+  const shading::SampleKey key = sample_key(hit.path, settings.seed, settings.sampler);
   const float time = ray_time(settings.shutter, key);
   next_event_in_medium(settings, hit, g, time, out);
   const Float2 u = shading::sample_2d(key, shading::bounce_slot(hit.path.bounce, shading::kBounceBsdf));

@@ -11,7 +11,8 @@
 namespace spillway::pipeline::test {
 namespace {
 
-// Two quads, a lamp, an instance that moves and a camera that does: a manifest of some thousand bytes, so that each can be tried.
+// Two quads, a lamp, an instance that moves and a camera that does: a manifest of some thousand bytes, so that each can
+// be tried.
 Status pack_small(const std::filesystem::path& path, std::vector<std::filesystem::path> sources = {}) {
   SPILLWAY_ASSIGN(const auto packer, ScenePacker::create(path, {.source_files = std::move(sources)}));
   packer->set_settings(small_settings());
@@ -287,7 +288,8 @@ TEST_F(StoreTest, the_camera_path_is_kept_and_the_contents_have_a_key) {
   ASSERT_TRUE(store);
   ASSERT_EQ(store->camera_path().size(), 2u);
   EXPECT_EQ(store->camera_path()[1].frame, 8u);
-  EXPECT_EQ(std::memcmp(&store->camera_path()[1].camera, &store->settings().camera, sizeof(shading::Camera)), 0);
+  const shading::Camera camera = small_settings().camera;
+  EXPECT_EQ(std::memcmp(&store->camera_path()[1].camera, &camera, sizeof camera), 0);
   const std::filesystem::path other = directory_ / "b.store";
   ASSERT_TRUE(pack_small(other, {directory_ / "a.store" / kManifestFile}));
   EXPECT_EQ(Store::open(other)->content_key(), store->content_key());  // whatever it was made from

@@ -187,7 +187,7 @@ Status open(const Store& store, const ReferenceOptions& options, ReferenceState&
   }
   state.evaluator = std::make_unique<TextureEvaluator>(store.textures(), state.textures.get());
   const RenderSettings& render = options.settings.render;
-  state.inputs.settings = {store.light_table(), render.max_depth, render.seed,
+  state.inputs.settings = {store.light_table(), render.max_depth, render.seed, render.sampler,
                            ray_times(store, options.settings).shutter};
   state.inputs.tables = {store.meshes(), store.materials(), state.evaluator.get()};
   state.inputs.instances = store.page_tree().instances;
@@ -222,7 +222,8 @@ Result<std::unique_ptr<Film>> render_reference(const Store& store, const Tracer&
   auto film = std::make_unique<Film>(std::move(empty));
   const uint32_t spp = settings.render.samples_per_pixel;
   CameraRays camera(settings.camera, settings.filter, pixel_window(settings), settings.render.seed,
-                    ray_times(store, settings), settings.film.exposure_scale, settings.media.camera_medium);
+                    settings.render.sampler, ray_times(store, settings), settings.film.exposure_scale,
+                    settings.render.camera_medium);
   const Walker::Shared shared{tracer, state.inputs, *state.attributes, state.media, *film};
   tbb::enumerable_thread_specific<Walker> walkers([&] { return Walker(shared); });
   constexpr size_t kBatch = 1 << 16;

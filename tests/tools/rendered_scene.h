@@ -1,6 +1,6 @@
 #pragma once
 
-// What the program makes of a scene, with both half-buffers, so that its noise is known.
+// What the program (SPILLWAY_PROGRAM) makes of a scene, with both half-buffers, so that its noise is known.
 
 #include <gtest/gtest.h>
 
@@ -12,10 +12,10 @@
 
 namespace spillway::tools {
 
-inline Picture rendered(const std::filesystem::path& scene, int samples) {
+inline Picture rendered(const char* program, const std::filesystem::path& scene, int samples) {
   const test::TemporaryDirectory directory;
   const std::string out = directory.path() / "out.exr";
-  const std::string command = fmt::format(SPILLWAY_PROGRAM " render {} --store {} -o {} --spp {} --half-buffers -q",
+  const std::string command = fmt::format("{} render {} --store {} -o {} --spp {} --half-buffers -q", program,
                                           scene.string(), (directory.path() / "a.store").string(), out, samples);
   EXPECT_EQ(std::system(command.c_str()), 0) << command;
   auto picture = read_picture(out);

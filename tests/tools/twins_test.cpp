@@ -42,7 +42,7 @@ TEST_P(Twins, are_equal_within_their_noise) {
   const fs::path source = SPILLWAY_SOURCE_DIR;
   const bool is_caustic = GetParam() == std::string_view("glass") || GetParam() == std::string_view("mirror");
   const Picture ours =
-      rendered(source / "tests/twins" / (std::string(GetParam()) + ".pbrt"), is_caustic ? 2 * kSamples : kSamples);
+      rendered(SPILLWAY_PROGRAM, source / "tests/twins" / (std::string(GetParam()) + ".pbrt"), is_caustic ? 2 * kSamples : kSamples);
   const auto theirs = read_picture(source / "tests/images" / (std::string(GetParam()) + ".exr"));
   ASSERT_TRUE(theirs) << theirs.error().message;
   ASSERT_TRUE(ours.has_halves() && theirs->has_halves());
@@ -83,7 +83,7 @@ std::string veil(const std::string& points) {
 Mean mean_of_scene(const std::string& world, int samples = 1024) {
   const test::TemporaryDirectory directory;
   std::ofstream(directory.path() / "scene.pbrt") << kView << world;
-  return mean_of(rendered(directory.path() / "scene.pbrt", samples));
+  return mean_of(rendered(SPILLWAY_PROGRAM, directory.path() / "scene.pbrt", samples));
 }
 
 void expect_mean(const std::string& world, double wanted, double relative_error) {

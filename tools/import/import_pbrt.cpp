@@ -10,8 +10,11 @@
 #include <utility>
 #include <vector>
 
+#include "tools/import/attributes.h"
+#include "tools/import/color_space.h"
 #include "tools/import/lights.h"
 #include "tools/import/materials.h"
+#include "tools/import/media.h"
 #include "tools/import/params.h"
 #include "tools/import/session.h"
 #include "tools/import/settings.h"
@@ -29,10 +32,6 @@ constexpr size_t kMaxIncludeDepth = 32, kMaxAttributeDepth = 1024;
 // Files opened in all: a file that includes the next one twice, and so on, doubles at each step.
 constexpr size_t kMaxIncludes = 100000;
 
-// What Attribute directives add to later directives of one kind.
-enum Target : size_t { kShapeTarget, kLightTarget, kMaterialTarget, kMediumTarget, kTextureTarget, kTargetCount };
-constexpr std::array<std::string_view, kTargetCount> kTargetNames = {"shape", "light", "material", "medium", "texture"};
-
 struct GraphicsState {
   Transform transform;      // the current one, at the first of TransformTimes: world from shape (before WorldBegin: camera from world)
   Transform transform_end;  // at the second
@@ -41,7 +40,9 @@ struct GraphicsState {
   std::shared_ptr<MaterialDefinition> material;  // none: look up the name
   Token material_name;
   std::optional<AreaEmission> emission;
-  std::array<std::shared_ptr<const ParamList>, kTargetCount> attributes;
+  Attributes attributes;
+  MediumNames media;
+  ColorSpace color_space = ColorSpace::srgb;
   [[nodiscard]] bool moves() const { return !(transform == transform_end); }
 };
 
@@ -73,7 +74,7 @@ enum class Where : uint8_t { options, world, anywhere };
 
 class Importer {
  public:
-  explicit Importer(Session& session) : session_(session), textures_(session), materials_(session, textures_) {
+  explicit Importer(Session& session) : session_(session), textures_(session), materials_(session, textures_), media_(session) {
     state_.material = materials_.standard();
   }
 
@@ -204,25 +205,13 @@ class Importer {
 
   Status attribute(Tokenizer& tokens, const Token& directive) {
     SPILLWAY_ASSIGN(const Token target, read_string_token(tokens, directive.text));
-    SPILLWAY_ASSIGN(ParamList added, read_params(tokens));
-    const auto at = std::find(kTargetNames.begin(), kTargetNames.end(), target.text);
-    if (at == kTargetNames.end()) {
-      return error_at(target.place,
-                      "unknown target {}: use \"shape\", \"light\", \"material\", \"medium\" or \"texture\"",
-                      to_string(target));
-    }
-    std::shared_ptr<const ParamList>& kept = state_.attributes[static_cast<size_t>(at - kTargetNames.begin())];
-    if (kept) added.inherit(*kept);  // what is said later wins
-    if (added.parameters.size() > kMaxParameters) {
-      return error_at(target.place, "more than {} attributes of one kind", kMaxParameters);
-    }
-    kept = std::make_shared<const ParamList>(std::move(added));
-    return {};
+    SPILLWAY_ASSIGN(ParamList added, read_params(tokens, state_.color_space));
+    return state_.attributes.add(target, std::move(added));
   }
 
   Result<ParamList> params_with_attributes(Tokenizer& tokens, Target target) {
-    SPILLWAY_ASSIGN(ParamList params, read_params(tokens));
-    if (state_.attributes[target]) params.inherit(*state_.attributes[target]);
+    SPILLWAY_ASSIGN(ParamList params, read_params(tokens, state_.color_space));
+    state_.attributes.extend(target, params);
     return params;
   }
 
@@ -293,6 +282,7 @@ class Importer {
   Status camera(Tokenizer& tokens, const Token& directive) {
     options_.camera_from_world = state_.transform, options_.camera_from_world_end = state_.transform_end;
     systems_["camera"] = {state_.transform.inverse(), state_.transform_end.inverse()};
+    SPILLWAY_ASSIGN(options_.camera_medium, media_.find(state_.media.outside));
     return wait(tokens, directive, options_.camera);
   }
   Status film(Tokenizer& tokens, const Token& directive) { return wait(tokens, directive, options_.film); }
@@ -306,18 +296,24 @@ class Importer {
     return wait(tokens, directive, ignored);
   }
 
-  Status option(Tokenizer& tokens, const Token&) {
-    SPILLWAY_ASSIGN(const ParamList params, read_params(tokens));
-    return read_option(session_, params, options_);
+  Status option(Tokenizer& tokens, const Token& directive) {
+    return read_option(session_, tokens, directive, options_);
   }
 
-  Status color_space(Tokenizer& tokens, const Token& directive) {
+  Status set_color_space(Tokenizer& tokens, const Token& directive) {
     SPILLWAY_ASSIGN(const Token name, read_string_token(tokens, directive.text));
-    if (name.text == "srgb") return {};
-    return error_at(name.place, "color space {} is not supported: use \"srgb\"", to_string(name));
+    const std::optional<ColorSpace> known = color_space(name.text);
+    if (!known) {
+      return error_at(name.place,
+                      "color space {} is not known: use \"srgb\", \"dci-p3\", \"rec2020\" or \"aces2065-1\"",
+                      to_string(name));
+    }
+    state_.color_space = *known;
+    return {};
   }
 
   Status world_begin(Tokenizer&, const Token& directive) {
+    options_.color_space = state_.color_space;
     SPILLWAY_ASSIGN(const pipeline::SceneSettings settings, build_settings(session_, options_, directive.place));
     session_.sink.set_settings(settings);
     SPILLWAY_TRY(move_camera(settings.camera, options_.camera ? options_.camera->place : directive.place));
@@ -340,20 +336,14 @@ class Importer {
 
   Status named_medium(Tokenizer& tokens, const Token& directive) {
     SPILLWAY_ASSIGN(const Token name, read_string_token(tokens, directive.text));
-    SPILLWAY_ASSIGN([[maybe_unused]] const ParamList params, read_params(tokens));
-    return session_.ignorable(name.place, "medium {}: media are not supported yet", to_string(name));
+    SPILLWAY_ASSIGN(ParamList params, params_with_attributes(tokens, Target::medium));
+    if (state_.moves()) session_.warn(directive.place, "media do not move: this one stays where it is at the first of TransformTimes");
+    return media_.define(name, std::move(params), state_.transform);
   }
 
   Status medium_interface(Tokenizer& tokens, const Token& directive) {
-    SPILLWAY_ASSIGN(const Token inside, read_string_token(tokens, directive.text));
-    bool is_vacuum = inside.text.empty();
-    SPILLWAY_ASSIGN(const Token* next, tokens.peek());
-    if (next->kind == TokenKind::string) {
-      SPILLWAY_ASSIGN(const Token outside, tokens.take());
-      is_vacuum = is_vacuum && outside.text.empty();
-    }
-    if (is_vacuum) return {};
-    return session_.ignorable(directive.place, "MediumInterface: media are not supported yet");
+    SPILLWAY_ASSIGN(state_.media, read_medium_interface(tokens, directive));
+    return {};
   }
 
   // ---- materials, textures, lights ----
@@ -362,17 +352,17 @@ class Importer {
     SPILLWAY_ASSIGN(const Token name, read_string_token(tokens, directive.text));
     SPILLWAY_ASSIGN(const Token value, read_string_token(tokens, directive.text));
     SPILLWAY_ASSIGN(const Token type, read_string_token(tokens, directive.text));
-    SPILLWAY_ASSIGN(ParamList params, params_with_attributes(tokens, kTextureTarget));
+    SPILLWAY_ASSIGN(ParamList params, params_with_attributes(tokens, Target::texture));
     if (value.text != "float" && value.text != "spectrum") {
       return error_at(value.place, "a texture holds \"float\" or \"spectrum\", not {}", to_string(value));
     }
     const TextureValue kind = value.text == "float" ? TextureValue::real : TextureValue::spectrum;
-    return textures_.define(kind, name, type.text, std::move(params), type.place);
+    return textures_.define(kind, name, type.text, std::move(params), type.place, state_.transform);
   }
 
   Status material(Tokenizer& tokens, const Token& directive) {
     SPILLWAY_ASSIGN(const Token type, read_string_token(tokens, directive.text));
-    SPILLWAY_ASSIGN(ParamList params, params_with_attributes(tokens, kMaterialTarget));
+    SPILLWAY_ASSIGN(ParamList params, params_with_attributes(tokens, Target::material));
     state_.material = std::make_shared<MaterialDefinition>();
     state_.material->type = type.text;
     state_.material->params = std::move(params);
@@ -382,7 +372,7 @@ class Importer {
 
   Status make_named_material(Tokenizer& tokens, const Token& directive) {
     SPILLWAY_ASSIGN(const Token name, read_string_token(tokens, directive.text));
-    SPILLWAY_ASSIGN(ParamList params, params_with_attributes(tokens, kMaterialTarget));
+    SPILLWAY_ASSIGN(ParamList params, params_with_attributes(tokens, Target::material));
     return materials_.define(name, std::move(params), name.place);
   }
 
@@ -394,14 +384,14 @@ class Importer {
 
   Status area_light(Tokenizer& tokens, const Token& directive) {
     SPILLWAY_ASSIGN(const Token type, read_string_token(tokens, directive.text));
-    SPILLWAY_ASSIGN(const ParamList params, params_with_attributes(tokens, kLightTarget));
+    SPILLWAY_ASSIGN(const ParamList params, params_with_attributes(tokens, Target::light));
     SPILLWAY_ASSIGN(state_.emission, read_area_light(session_, type.text, params, type.place));
     return {};
   }
 
   Status light(Tokenizer& tokens, const Token& directive) {
     SPILLWAY_ASSIGN(const Token type, read_string_token(tokens, directive.text));
-    SPILLWAY_ASSIGN(const ParamList params, params_with_attributes(tokens, kLightTarget));
+    SPILLWAY_ASSIGN(const ParamList params, params_with_attributes(tokens, Target::light));
     if (state_.moves())
       session_.warn(directive.place, "lights do not move: this one stays where it is at the first of TransformTimes");
     return add_light(session_, type.text, params, type.place, state_.transform);
@@ -411,17 +401,19 @@ class Importer {
 
   Status shape(Tokenizer& tokens, const Token& directive) {
     SPILLWAY_ASSIGN(const Token type, read_string_token(tokens, directive.text));
-    SPILLWAY_ASSIGN(const ParamList params, params_with_attributes(tokens, kShapeTarget));
+    SPILLWAY_ASSIGN(const ParamList params, params_with_attributes(tokens, Target::shape));
     if (!is_supported_shape(type.text)) {
-      return session_.ignorable(type.place, "shape {} is not supported: make it a mesh",
-                                to_string(type));
+      return session_.replaced(type.place, fmt::format("shape {}", to_string(type)), "nothing");
     }
     if (!state_.material) {
       SPILLWAY_ASSIGN(state_.material, materials_.find(state_.material_name.text, state_.material_name.place));
     }
-    ShapeState shape_state{state_.transform, state_.reverse_orientation, {}, state_.emission, 0};
+    ShapeState shape_state;
+    shape_state.object_from_shape = state_.transform, shape_state.reverse_orientation = state_.reverse_orientation;
+    shape_state.emission = state_.emission;
     SPILLWAY_ASSIGN(shape_state.material, materials_.use(*state_.material));
-    if (!shape_state.material.valid()) return {};  // has no surface
+    SPILLWAY_TRY(divide_media(shape_state));
+    if (!shape_state.material.valid() && !shape_state.divides_media) return {};  // nothing to see, nothing to cross
     SPILLWAY_ASSIGN(ReadShape shape, read_shape(session_, textures_, type.text, params, directive.place, shape_state));
     if (state_.moves() && !shape.emits()) return moving_shape(std::move(shape));
     if (state_.moves()) SPILLWAY_TRY(emitter_moves(directive.place));
@@ -433,6 +425,15 @@ class Importer {
     }
     shape.state.object = object_->index, ++object_->mesh_count;
     return send_shape(session_, std::move(shape));
+  }
+
+  // As in pbrt, the same medium on both sides is no division: rays keep what they are in.
+  Status divide_media(ShapeState& shape) const {
+    shape.divides_media = state_.media.divide();
+    if (!shape.divides_media) return {};
+    SPILLWAY_ASSIGN(shape.medium_inside, media_.find(state_.media.inside));
+    SPILLWAY_ASSIGN(shape.medium_outside, media_.find(state_.media.outside));
+    return {};
   }
 
   // As in pbrt, an instance of an object that holds this shape alone, in its own space.
@@ -525,6 +526,7 @@ class Importer {
   Session& session_;
   TextureTable textures_;
   MaterialTable materials_;
+  MediumTable media_;
   GraphicsState state_;
   std::vector<OpenScope> scopes_;
   std::vector<std::filesystem::path> open_files_;
@@ -571,7 +573,7 @@ const std::array<Importer::Directive, 40> Importer::kDirectives = {{
     {"Sampler", Where::options, &Importer::sampler},
     {"Integrator", Where::options, &Importer::integrator},
     {"Option", Where::options, &Importer::option},
-    {"ColorSpace", Where::anywhere, &Importer::color_space},
+    {"ColorSpace", Where::anywhere, &Importer::set_color_space},
     {"Accelerator", Where::options, &Importer::accelerator},
     {"MakeNamedMedium", Where::anywhere, &Importer::named_medium},
     {"MediumInterface", Where::anywhere, &Importer::medium_interface},
