@@ -206,24 +206,35 @@ Status shade_hits(const ShadeInputs& inputs, cache::ExternalSort<HitRecord>& hit
                                       next_paths, next_shadows, report));
     return {};
   };
+  // Hits of ascending triangles: their blocks follow each other in the file.
+  const auto shade_run = [&](std::span<const HitRecord> run) -> Status {
+    const bool resident = attributes.parts().all_resident();
+    const std::vector<uint32_t> blocks =
+        resident && scratch.touched_blocks == nullptr ? std::vector<uint32_t>{} : blocks_touched(run, attributes);
+    if (scratch.touched_blocks)
+      scratch.touched_blocks->insert(scratch.touched_blocks->end(), blocks.begin(), blocks.end());
+    if (resident) return shade_range(run, {});
+    report.attribute_blocks_touched += blocks.size();
+    size_t first = 0;
+    return attributes.parts().sweep(blocks, [&](uint32_t block, std::span<const std::byte> bytes) -> Status {
+      const uint64_t end = attributes.end_prim(block);
+      size_t last = first;
+      while (last < run.size() && run[last].hit.prim < end) ++last;
+      const auto range = run.subspan(first, last - first);
+      first = last;
+      return shade_range(range, bytes);
+    });
+  };
   for (size_t p = 0; p < hits.partition_count(); ++p) {
     SPILLWAY_ASSIGN(const std::span<const HitRecord> partition, hits.partition(p));
     ++report.partition_count;
-    if (attributes.parts().all_resident()) {
-      SPILLWAY_TRY(shade_range(partition, {}));
-      continue;
+    for (size_t first = 0; first < partition.size();) {
+      const auto rest = partition.subspan(first);
+      const auto end = std::is_sorted_until(
+          rest.begin(), rest.end(), [](const HitRecord& a, const HitRecord& b) { return a.hit.prim < b.hit.prim; });
+      SPILLWAY_TRY(shade_run(rest.first(static_cast<size_t>(end - rest.begin()))));
+      first += static_cast<size_t>(end - rest.begin());
     }
-    const std::vector<uint32_t> blocks = blocks_touched(partition, attributes);
-    report.attribute_blocks_touched += blocks.size();
-    size_t first = 0;
-    SPILLWAY_TRY(attributes.parts().sweep(blocks, [&](uint32_t block, std::span<const std::byte> bytes) -> Status {
-      const uint64_t end = attributes.end_prim(block);
-      size_t last = first;
-      while (last < partition.size() && partition[last].hit.prim < end) ++last;
-      const auto range = partition.subspan(first, last - first);
-      first = last;
-      return shade_range(range, bytes);
-    }));
   }
   return {};
 }
