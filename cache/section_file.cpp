@@ -136,6 +136,16 @@ Status SectionReader::check_gap(uint64_t end, uint64_t next) const {
   return error("{}: byte {}: something is between two sections; the file is damaged", path_.string(), end);
 }
 
+uint64_t SectionReader::checksum_without(std::initializer_list<std::string_view> names) const {
+  uint64_t sum = 0;
+  for (const auto& [section, bytes] : sections_) {
+    if (std::find(names.begin(), names.end(), section) != names.end()) continue;
+    sum = checksum(section.data(), section.size(), sum);
+    sum = checksum(bytes.data(), bytes.size(), sum);
+  }
+  return sum;
+}
+
 bool SectionReader::has(std::string_view name) const { return sections_.contains(name); }
 
 Result<std::span<const std::byte>> SectionReader::bytes(std::string_view name) const {

@@ -8,6 +8,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <initializer_list>
 #include <map>
 #include <span>
 #include <string>
@@ -40,6 +41,8 @@ class SectionReader {
   static Result<SectionReader> read(const std::filesystem::path& path, std::string_view kind, uint32_t version,
                                     MemoryTag tag);
   [[nodiscard]] bool has(std::string_view name) const;
+  // Of names and contents of all sections but those named, by ascending name.
+  [[nodiscard]] uint64_t checksum_without(std::initializer_list<std::string_view> names) const;
   Result<std::span<const std::byte>> bytes(std::string_view name) const;
   // Fails when the section is missing or its size is no multiple of sizeof(T). Copies into a Buffer of the tag.
   template <class T>

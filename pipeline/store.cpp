@@ -39,6 +39,8 @@ Result<StoreTables> read_tables(const cache::SectionReader& reader) {
   SPILLWAY_TRY(read_table(reader, section::kTreeObjects, MemoryTag::page_tree, t.tree_objects));
   SPILLWAY_TRY(read_table(reader, section::kInstances, MemoryTag::page_tree, t.instances));
   SPILLWAY_TRY(read_table(reader, section::kAttributes, MemoryTag::scene, t.attributes));
+  SPILLWAY_TRY(read_table(reader, section::kCameraPath, MemoryTag::scene, t.camera_path));
+  SPILLWAY_TRY(read_table(reader, section::kContent, MemoryTag::scene, t.content));
   SPILLWAY_TRY(read_table(reader, section::kNames, MemoryTag::scene, t.names));
   SPILLWAY_TRY(read_table(reader, section::kSources, MemoryTag::scene, t.sources));
   return t;
@@ -67,6 +69,7 @@ Result<Store> Store::open(const std::filesystem::path& directory) {
   SPILLWAY_ASSIGN(store.tables_, read_tables(reader));
   SPILLWAY_TRY(validate_tables(store.tables_, manifest.string()));
   SPILLWAY_TRY(validate_files(store.tables_, directory));
+  store.content_key_ = reader.checksum_without({section::kSettings, section::kCameraPath, section::kSources});
   store.build_environment();
   return store;
 }

@@ -40,6 +40,8 @@ struct StoreTables {
   Buffer<cache::PageObject> tree_objects;
   Buffer<cache::Instance> instances;
   Buffer<AttributeLocation> attributes;
+  Buffer<FrameCamera> camera_path;
+  Buffer<ContentChecksums> content;  // one
   Buffer<char> names;
   Buffer<char> sources;
 };
@@ -69,6 +71,9 @@ class Store {
   [[nodiscard]] std::span<const cache::PageLocation> pages() const { return tables_.pages; }
   [[nodiscard]] std::span<const cache::Instance> instances() const { return tables_.instances; }
   [[nodiscard]] std::span<const AttributeLocation> attributes() const { return tables_.attributes; }
+  [[nodiscard]] std::span<const FrameCamera> camera_path() const { return tables_.camera_path; }
+  // Of everything a picture can depend on besides settings and cameras: pages, attributes, images by their names, tables.
+  [[nodiscard]] uint64_t content_key() const { return content_key_; }
 
   // Views into this store, which must outlive them.
   [[nodiscard]] cache::PageTree page_tree() const;
@@ -88,6 +93,7 @@ class Store {
 
   std::filesystem::path directory_;
   StoreTables tables_;
+  uint64_t content_key_ = 0;
   Buffer<float> environment_row_cdf_, environment_texel_cdf_;
 };
 

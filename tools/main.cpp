@@ -4,11 +4,6 @@
 
 namespace spillway::tools {
 
-int fail(const std::string& message, int code) {
-  fmt::print(stderr, "spillway: {}\n", message);
-  return code;
-}
-
 }  // namespace spillway::tools
 
 int main(int argc, char** argv) {

@@ -40,6 +40,7 @@ Status pack_scene(const OpenSceneOptions& options) {
   pipeline::PackOptions pack;
   pack.source_files = {options.scene};
   if (options.memory_bytes != 0) pack.memory_limit_bytes = options.memory_bytes;
+  if (options.edge_length_px > 0) pack.dice.edge_length_px = options.edge_length_px;
   SPILLWAY_ASSIGN(auto packer, pipeline::ScenePacker::create(store_directory(options), pack));
   ImportReport report;
   const Status imported = import_pbrt(options.scene, *packer, {.lenient = options.lenient}, report);

@@ -1,5 +1,7 @@
 #include "pipeline/pack/pack_attributes.h"
 
+#include "cache/base/hash.h"
+
 namespace spillway::pipeline {
 namespace {
 
@@ -13,7 +15,7 @@ size_t block_end(const std::vector<PlacedChunk>& chunks, size_t first, uint32_t 
 }
 
 Result<AttributeLocation> write_block(const SpooledScene& scene, SpoolReader& reader, size_t first, size_t last,
-                                      cache::WriteFile& file) {
+                                      cache::WriteFile& file, uint64_t& content) {
   std::vector<cache::AttributeSegmentData> segments;
   uint32_t prims = 0;
   for (size_t c = first; c < last; ++c) {
@@ -26,6 +28,7 @@ Result<AttributeLocation> write_block(const SpooledScene& scene, SpoolReader& re
   AttributeLocation location{};
   location.offset_bytes = file.size_bytes();
   location.size_bytes = static_cast<uint32_t>(block.size());
+  content = hash_combine(content, reinterpret_cast<const cache::AttributeBlockHeader*>(block.data())->checksum);
   location.first_prim = segments.front().first_prim;
   location.prim_count = prims;
   SPILLWAY_TRY(file.append(block));
@@ -35,12 +38,12 @@ Result<AttributeLocation> write_block(const SpooledScene& scene, SpoolReader& re
 }  // namespace
 
 Result<std::vector<AttributeLocation>> pack_attributes(const SpooledScene& scene, uint32_t max_faces_per_block,
-                                                       cache::WriteFile& file) {
+                                                       cache::WriteFile& file, uint64_t& content) {
   std::vector<AttributeLocation> locations;
   SpoolReader reader(*scene.spool);
   for (size_t first = 0; first < scene.chunks.size();) {
     const size_t last = block_end(scene.chunks, first, max_faces_per_block);
-    SPILLWAY_ASSIGN(locations.emplace_back(), write_block(scene, reader, first, last, file));
+    SPILLWAY_ASSIGN(locations.emplace_back(), write_block(scene, reader, first, last, file, content));
     first = last;
   }
   return locations;

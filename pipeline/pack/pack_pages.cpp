@@ -4,9 +4,10 @@
 
 #include <algorithm>
 
+#include "cache/base/hash.h"
 #include "cache/base/parallel.h"
-#include "pipeline/pack/cluster_pages.h"
 #include "cache/base/parallel_status.h"
+#include "pipeline/pack/cluster_pages.h"
 
 namespace spillway::pipeline {
 namespace {
@@ -196,13 +197,14 @@ Status write_page(const Buffer<std::byte>& bytes, cache::PageLocation& page, Bou
 }
 
 Status write_batch(std::vector<PageInput> inputs, uint32_t first, PagePlan& plan, const BuildOptions& tree,
-                   std::vector<Bounds3>& bounds, cache::WriteFile& file) {
+                   std::vector<Bounds3>& bounds, cache::WriteFile& file, uint64_t& content) {
   std::vector<Buffer<std::byte>> built(inputs.size());
   tbb::parallel_for(size_t{0}, inputs.size(), [&](size_t i) {
     built[i] = build_trace_page(inputs[i].triangles, inputs[i].micromaps, tree);
     inputs[i] = {};
   });
   for (size_t i = 0; i < built.size(); ++i) {
+    content = hash_combine(content, reinterpret_cast<const cache::TracePageHeader*>(built[i].data())->checksum);
     SPILLWAY_TRY(write_page(built[i], plan.pages[first + i], bounds[first + i], file));
     built[i] = {};
   }
@@ -227,7 +229,8 @@ Result<PagePlan> plan_pages(const SpooledScene& scene, const PackPagesOptions& o
 }
 
 Result<std::vector<Bounds3>> pack_pages(const SpooledScene& scene, PagePlan& plan, const BakeMicromap& bake,
-                                        const PackPagesOptions& options, cache::WriteFile& file) {
+                                        const PackPagesOptions& options, cache::WriteFile& file,
+                                        uint64_t& content) {
   std::vector<Bounds3> bounds(plan.pages.size());
   const BatchPlan batches = plan_batches(scene, plan);
   const uint64_t table_bytes = plan.page_of_prim.size_bytes();
@@ -238,7 +241,7 @@ Result<std::vector<Bounds3>> pack_pages(const SpooledScene& scene, PagePlan& pla
     for (size_t c = 0; c < scene.chunks.size(); ++c)
       if (batches.chunk_pages[c].first < last && batches.chunk_pages[c].last > first)
         SPILLWAY_TRY(filler.add_chunk(scene.chunks[c]));
-    SPILLWAY_TRY(write_batch(filler.take(), first, plan, options.tree, bounds, file));
+    SPILLWAY_TRY(write_batch(filler.take(), first, plan, options.tree, bounds, file, content));
     first = last;
   }
   return bounds;

@@ -36,8 +36,9 @@ struct PagePlan {
 
 Result<PagePlan> plan_pages(const SpooledScene& scene, const PackPagesOptions& options);
 
-// Sets offset and size of each page of the plan. Returns the pages' bounds, in the space of their object.
+// Sets offset and size of each page of the plan. Returns the pages' bounds, in the space of their object, and chains their
+// checksums into `content`.
 Result<std::vector<Bounds3>> pack_pages(const SpooledScene& scene, PagePlan& plan, const BakeMicromap& bake,
-                                        const PackPagesOptions& options, cache::WriteFile& file);
+                                        const PackPagesOptions& options, cache::WriteFile& file, uint64_t& content);
 
 }  // namespace spillway::pipeline

@@ -68,6 +68,7 @@ struct ScenePacker::Packed {
   std::vector<cache::ImageInfo> images;
   std::vector<AttributeLocation> attributes;
   PagePlan plan;
+  ContentChecksums content;
   PackedPageTree tree;
   PackedLights lights;
   std::vector<Rgb> environment;
@@ -230,12 +231,18 @@ void ScenePacker::set_settings(const SceneSettings& settings) {
   has_settings_ = true;
 }
 
+void ScenePacker::set_camera_path(uint32_t first_frame, std::span<const shading::Camera> cameras) {
+  camera_path_.clear();
+  for (const shading::Camera& camera : cameras) camera_path_.push_back({first_frame++, 0, camera});
+}
+
 // ---- what is made of it ----
 
 Status ScenePacker::finish() {
   SPILLWAY_TRY(state_);
   if (!has_settings_) return failed(error("{}: the scene has no camera", directory_.string()));
   SPILLWAY_TRY(failed(check_settings(settings_, "the scene's settings")));
+  SPILLWAY_TRY(failed(check_camera_path(camera_path_, settings_, "the scene's camera path")));
   const Status written = write_store();
   if (!written) {
     remove_output();
@@ -297,7 +304,8 @@ Status ScenePacker::write_store() {
                   pack_images(images_, directory_ / kTexturesDirectory, options_.memory_limit_bytes));
   remove_packed_images(directory_ / kTexturesDirectory, packed.images);
   SPILLWAY_ASSIGN(auto attributes, cache::WriteFile::create(directory_ / kAttributesFile, cache::IoPurpose::pack));
-  SPILLWAY_ASSIGN(packed.attributes, pack_attributes(scene_, options_.max_faces_per_attribute_block, attributes));
+  SPILLWAY_ASSIGN(packed.attributes, pack_attributes(scene_, options_.max_faces_per_attribute_block, attributes,
+                                                     packed.content.attributes));
   SPILLWAY_TRY(attributes.commit());
   SPILLWAY_TRY(open_images(packed));
   SPILLWAY_TRY(write_pages(packed));
@@ -324,7 +332,8 @@ Status ScenePacker::write_pages(Packed& packed) {
   };
   SPILLWAY_ASSIGN(auto file, cache::WriteFile::create(directory_ / kTracePagesFile, cache::IoPurpose::pack));
   SPILLWAY_ASSIGN(packed.plan, plan_pages(scene_, options));
-  SPILLWAY_ASSIGN(const std::vector<Bounds3> bounds, pack_pages(scene_, packed.plan, bake, options, file));
+  SPILLWAY_ASSIGN(const std::vector<Bounds3> bounds, pack_pages(scene_, packed.plan, bake, options, file,
+                                                                   packed.content.trace_pages));
   packed.tree = pack_page_tree(bounds, packed.plan.pages, instances_, scene_.object_count, options_.tree);
   return file.commit();
 }
@@ -353,7 +362,7 @@ std::string ScenePacker::name_lines() const {
 
 Status ScenePacker::write_manifest(const Packed& packed) {
   // No padding inside, whose bytes would be anything.
-  static_assert(sizeof(SceneSettings) == 200);
+  static_assert(sizeof(SceneSettings) == 208);
   settings_.statistics = statistics(packed);
   std::vector<Mesh> meshes;
   for (const SpooledMesh& mesh : scene_.meshes) meshes.push_back(mesh.row);
@@ -377,6 +386,8 @@ Status ScenePacker::write_manifest(const Packed& packed) {
   add(section::kTreeObjects, packed.tree.objects);
   add(section::kInstances, instances_);
   add(section::kAttributes, packed.attributes);
+  add(section::kCameraPath, camera_path_);
+  writer.add(section::kContent, std::as_bytes(std::span(&packed.content, 1)));
   add(section::kNames, names);
   add(section::kSources, sources);
   return writer.write(directory_ / kManifestFile);

@@ -58,6 +58,7 @@ class ScenePacker final : public SceneSink {
   Status add_subdivision(const SubdivisionInput& subdivision) override;
   Status add_instance(uint32_t object, const Affine3& world_from_object) override;
   void set_settings(const SceneSettings& settings) override;
+  void set_camera_path(uint32_t first_frame, std::span<const shading::Camera> cameras) override;
   Status finish() override;
 
   // More of PackOptions::source_files, found while importing. Images are added by themselves.
@@ -89,6 +90,7 @@ class ScenePacker final : public SceneSink {
   SpooledScene scene_;
   std::vector<SubdivisionCage> cages_;
   SceneSettings settings_;
+  std::vector<FrameCamera> camera_path_;
   std::vector<ImageSource> images_;
   std::map<std::pair<std::string, cache::TexelEncoding>, ImageId> image_ids_;
   std::vector<TextureNode> textures_;

@@ -103,7 +103,7 @@ TEST(subdivision, what_is_wrong_is_said_at_its_place) {
   EXPECT_EQ(refusal("\"integer creaseindices\" [0 1]"),
             "scene.pbrt:2:1: subdivmesh has no \"float creasesharpness\" for 1 sharp edges or corners");
   EXPECT_TRUE(starts_with(refusal("\"integer cornerindices\" [0 1] \"float cornersharpness\" [1]"), "scene.pbrt:2:"));
-  EXPECT_TRUE(starts_with(refusal("\"string interpolateboundary\" \"sharp\""), "scene.pbrt:2:89: \"interpolateboundary\" is \"sharp\"; it may be \"none\""))
+  EXPECT_TRUE(starts_with(refusal("\"string interpolateboundary\" \"sharp\""), "scene.pbrt:2:85: \"interpolateboundary\" is \"sharp\"; it may be \"none\""))
       << refusal("\"string interpolateboundary\" \"sharp\"");
   EXPECT_TRUE(starts_with(refusal("\"string scheme\" \"loop\""), "scene.pbrt:2:1: subdivmesh with scheme \"loop\""));
   EXPECT_TRUE(starts_with(refusal("\"float sharpness\" 1"), "scene.pbrt:2:"));  // not a parameter of it
