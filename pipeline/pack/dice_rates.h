@@ -19,7 +19,7 @@ struct DiceOptions {
   float edge_length_px = 4;              // longest edge on the picture; half: four times the triangles
   uint32_t most_pieces = 256;            // of an edge, a power of two up to 1024: bounds what is close to a camera
   uint64_t most_triangles = 1ull << 28;  // of all cages
-  std::vector<shading::Camera> cameras{};  // of a shot: the nearest counts; empty: the scene's
+  std::vector<shading::Camera> cameras{};  // the nearest counts; those of the scene's frames join them
 };
 Status check_dice_options(const DiceOptions& options);
 
