@@ -4,6 +4,7 @@
 
 #include <csignal>
 #include <fstream>
+#include <map>
 
 #include "cache/trace_log.h"
 #include "pipeline/render/render_image.h"
@@ -26,7 +27,7 @@ struct RenderArguments {
   std::string output, memory, resolution, crop, report, trace, scratch, scratch_limit, spill = "auto";
   std::string page_share, attribute_share, texture_share, hit_sort;
   uint32_t spp = 0, seed = 0, threads = 0;
-  int max_depth = -1;
+  int max_depth = -1, light_selection = -1;
   uint64_t wave_paths = 0;
   double time_limit = 0;
   bool has_seed = false, aovs = false, halves = false, direct = false, no_sort_rays = false, json = false;
@@ -53,6 +54,7 @@ Status override_settings(const RenderArguments& arguments, SceneSettings& settin
   if (arguments.spp != 0) settings.render.samples_per_pixel = arguments.spp;
   if (arguments.max_depth >= 0) settings.render.max_depth = static_cast<uint32_t>(arguments.max_depth);
   if (arguments.has_seed) settings.render.seed = arguments.seed;
+  if (arguments.light_selection >= 0) settings.render.light_selection = static_cast<LightSelection>(arguments.light_selection);
   if (!arguments.resolution.empty()) {
     SPILLWAY_ASSIGN(const Resolution r, parse_resolution(arguments.resolution));
     set_resolution(settings, r);
@@ -198,6 +200,12 @@ void add_meaning(CLI::App& command, RenderArguments& a) {
   command.add_option("--crop", a.crop, "x0,y0,x1,y1 in pixels; the same bits as in the full frame");
   command.add_option_function<uint32_t>("--seed", [&a](uint32_t seed) { a.seed = seed, a.has_seed = true; },
                                         "another set of random numbers [the scene's]");
+  static const std::map<std::string, int> kSelections = {
+      {"tree", static_cast<int>(LightSelection::tree)},
+      {"power", static_cast<int>(LightSelection::power)},
+      {"uniform", static_cast<int>(LightSelection::uniform)}};
+  command.add_option("--light-selection", a.light_selection, "how lights are chosen: noise differs [the scene's, or tree]")
+      ->transform(CLI::CheckedTransformer(kSelections));
   command.add_flag("--aov", a.aovs, "depth, normal, albedo and id layers");
 }
 

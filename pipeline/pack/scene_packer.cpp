@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "cache/section_file.h"
+#include "pipeline/light_validation.h"
 #include "pipeline/pack/bake_micromap.h"
 #include "pipeline/pack/pack_attributes.h"
 #include "pipeline/pack/pack_environment.h"
@@ -152,8 +153,6 @@ Result<MaterialId> ScenePacker::add_material(const Material& material, std::stri
 Status ScenePacker::add_light(const shading::Light& light) {
   SPILLWAY_TRY(state_);
   const std::string where = fmt::format("light {}", lights_.size());
-  if (light.kind == shading::LightKind::triangle)
-    return failed(error("{}: triangles emit as meshes, not as lights", where));
   SPILLWAY_TRY(failed(check_light(light, where)));
   if (light.has_image != 0) return failed(error("{}: an infinite light with an image is an environment", where));
   lights_.push_back(light);
@@ -186,8 +185,6 @@ Status ScenePacker::check_mesh(const MeshInput& mesh) const {
   const Rgb l = mesh.emission;
   if (mesh.emits && (!is_finite(l) || l.r < 0 || l.g < 0 || l.b < 0))
     return error("{}: emits ({}, {}, {}); emission must be finite and not negative", mesh.name, l.r, l.g, l.b);
-  if (mesh.emits && mesh.object != 0)
-    return error("{}: emits light inside an instanced object, which is not possible; put it into the world", mesh.name);
   return {};
 }
 
@@ -196,6 +193,7 @@ Status ScenePacker::add_mesh(const MeshInput& mesh) {
   SPILLWAY_TRY(failed(check_mesh(mesh)));
   auto spooled = spool_mesh(mesh, *spool_, options_.max_faces_per_attribute_block, degenerate_count_);
   if (!spooled) return failed(spooled.error());
+  if (mesh.emits) dark_light_count_ += mesh.indices.size() / 3 - (spooled->emits ? spooled->row.face_count : 0);
   if (!spooled->chunks.empty()) scene_.meshes.push_back(std::move(*spooled));
   return {};
 }
@@ -255,11 +253,17 @@ Status ScenePacker::number_meshes() {
   return {};
 }
 
-// What stands nowhere has no box; trees have no place for it.
+// What stands nowhere has no box; trees have no place for it. Instances that emit come first, behind the world.
 void ScenePacker::keep_instances_of_triangles() {
-  std::vector<bool> has_triangles(scene_.object_count, false);
-  for (const SpooledMesh& mesh : scene_.meshes) has_triangles[mesh.row.object] = true;
+  std::vector<bool> has_triangles(scene_.object_count, false), emits(scene_.object_count, false);
+  for (const SpooledMesh& mesh : scene_.meshes) {
+    has_triangles[mesh.row.object] = true;
+    if (mesh.emits) emits[mesh.row.object] = true;
+  }
   std::erase_if(instances_, [&](const cache::Instance& i) { return i.object != 0 && !has_triangles[i.object]; });
+  const auto others = std::stable_partition(instances_.begin() + 1, instances_.end(),
+                                            [&](const cache::Instance& i) { return emits[i.object]; });
+  emitting_instance_count_ = static_cast<size_t>(others - instances_.begin()) - 1;
 }
 
 Status ScenePacker::write_store() {
@@ -286,7 +290,9 @@ Status ScenePacker::write_store() {
     SPILLWAY_ASSIGN(packed.environment,
                     pack_environment(image, packed.images[image], *packed.textures, images_[image].file.string()));
   }
-  SPILLWAY_ASSIGN(packed.lights, pack_lights(scene_, lights_, packed.environment, packed.tree.bounds_world));
+  const BuildLightTreeOptions tree{.scratch = scratch_.get(), .memory_limit_bytes = options_.memory_limit_bytes / 8};
+  SPILLWAY_ASSIGN(packed.lights, pack_lights(scene_, {lights_, packed.environment, instances_, emitting_instance_count_,
+                                                      packed.tree.bounds_world, tree}));
   return write_manifest(packed);
 }
 
@@ -316,6 +322,7 @@ SceneStatistics ScenePacker::statistics(const Packed& packed) const {
   statistics.triangle_count = scene_.prim_count;
   for (const cache::Instance& instance : instances_) statistics.instanced_triangle_count += triangles[instance.object];
   statistics.degenerate_dropped_count = degenerate_count_;
+  statistics.dark_light_count = dark_light_count_ + packed.lights.dark_count;
   statistics.bounds_world = packed.tree.bounds_world;
   return statistics;
 }
@@ -333,7 +340,7 @@ std::string ScenePacker::name_lines() const {
 
 Status ScenePacker::write_manifest(const Packed& packed) {
   // No padding inside, whose bytes would be anything.
-  static_assert(sizeof(SceneSettings) == 200);
+  static_assert(sizeof(SceneSettings) == 216);
   settings_.statistics = statistics(packed);
   std::vector<Mesh> meshes;
   for (const SpooledMesh& mesh : scene_.meshes) meshes.push_back(mesh.row);
@@ -350,6 +357,12 @@ Status ScenePacker::write_manifest(const Packed& packed) {
   add(section::kImages, packed.images);
   add(section::kLights, packed.lights.lights);
   add(section::kLightCdf, packed.lights.cdf);
+  add(section::kEmitters, packed.lights.emitters);
+  add(section::kEmissions, packed.lights.emissions);
+  add(section::kLightNodes, packed.lights.trees.nodes);
+  add(section::kLightRoots, packed.lights.trees.roots);
+  add(section::kEmitterLeaves, packed.lights.trees.emitter_leaves);
+  add(section::kInstanceLeaves, packed.lights.trees.instance_leaves);
   add(section::kEnvironment, packed.environment);
   add(section::kPages, packed.plan.pages);
   add(section::kTreeNodes, packed.tree.nodes);

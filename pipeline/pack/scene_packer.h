@@ -92,7 +92,8 @@ class ScenePacker final : public SceneSink {
   std::vector<shading::Light> lights_;
   ImageId environment_image_;
   std::vector<cache::Instance> instances_;
-  uint64_t degenerate_count_ = 0;
+  size_t emitting_instance_count_ = 0;
+  uint64_t degenerate_count_ = 0, dark_light_count_ = 0;
   Status state_;               // the first error
   bool has_settings_ = false;
   bool wrote_output_ = false;  // files of ours may be in the directory

@@ -27,7 +27,7 @@ struct MeshInput {
   TextureId alpha;                       // none: opaque
   bool flip_normals = false;
   uint32_t object = 0;                   // 0: the world, else from begin_object
-  bool emits = false;                    // only in the world
+  bool emits = false;                    // in an object: at each of its instances
   Rgb emission{0, 0, 0};
   bool emits_two_sided = false;
 };

@@ -19,6 +19,7 @@
 #include "pipeline/render/render_report.h"
 #include "pipeline/render/resolve_material.h"
 #include "pipeline/render/shade_hits.h"
+#include "pipeline/render/select_lights.h"
 #include "pipeline/render/trace_rays.h"
 
 namespace spillway::pipeline {
@@ -36,6 +37,7 @@ struct RenderState {
   std::unique_ptr<cache::TextureCache> textures;
   std::unique_ptr<TextureEvaluator> evaluator;
   std::unique_ptr<MaterialResolver> resolver;
+  SelectedLights lights;
   std::unique_ptr<Film> film;
   ShadeInputs inputs;
 };

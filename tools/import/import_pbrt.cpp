@@ -48,8 +48,7 @@ struct OpenScope {
 struct Object {
   uint32_t index = 0;
   Place place;
-  uint64_t mesh_count = 0;           // of what does not emit
-  std::vector<ReadShape> emitters;   // shapes of the world, once for each instance: every light has its place
+  uint64_t mesh_count = 0;
 };
 
 enum class Where : uint8_t { options, world, anywhere };
@@ -379,13 +378,7 @@ class Importer {
     SPILLWAY_ASSIGN(shape_state.material, materials_.use(*state_.material));
     if (!shape_state.material.valid()) return {};  // has no surface
     SPILLWAY_ASSIGN(ReadShape shape, read_shape(session_, textures_, type.text, params, directive.place, shape_state));
-    if (object_ == nullptr) return send_shape(session_, std::move(shape));
-    if (shape.emits()) {
-      SPILLWAY_TRY(count_emitter(shape, directive.place));
-      object_->emitters.push_back(std::move(shape));
-      return {};
-    }
-    shape.state.object = object_->index, ++object_->mesh_count;
+    if (object_ != nullptr) shape.state.object = object_->index, ++object_->mesh_count;
     return send_shape(session_, std::move(shape));
   }
 
@@ -422,29 +415,14 @@ class Importer {
       return error_at(name.place, "there is no object {}: define it before its first instance", to_string(name));
     }
     const Object& object = at->second;
-    if (object.mesh_count == 0 && object.emitters.empty()) {
+    if (object.mesh_count == 0) {
       session_.warn(name.place, "object {} holds nothing: the instance is left out", to_string(name));
       return {};
     }
-    if (object.mesh_count > 0) {
-      const Status added = session_.sink.add_instance(object.index, state_.transform.affine());
-      if (!added) return error_at(directive.place, "{}", added.error().message);
-    }
-    for (const ReadShape& kept : object.emitters) {
-      SPILLWAY_TRY(count_emitter(kept, directive.place));
-      ReadShape emitter = kept;
-      emitter.state.object_from_shape = state_.transform * emitter.state.object_from_shape;
-      SPILLWAY_TRY(send_shape(session_, std::move(emitter)));
-    }
+    const Status added = session_.sink.add_instance(object.index, state_.transform.affine());
+    if (!added) return error_at(directive.place, "{}", added.error().message);
     ++session_.report.instance_count;
     return {};
-  }
-
-  Status count_emitter(const ReadShape& shape, const Place& place) {
-    emitter_count_ += shape.mesh.indices.size() / 3;
-    const uint64_t most = session_.options.most_instanced_emitters;
-    if (emitter_count_ <= most) return {};
-    return error_at(place, "objects and their instances hold more than {} emitting triangles", most);
   }
 
   static const std::array<Directive, 40> kDirectives;
@@ -458,7 +436,6 @@ class Importer {
   std::map<std::string, Transform> systems_;
   std::map<std::string, Object> objects_;
   Object* object_ = nullptr;  // the one being defined
-  uint64_t emitter_count_ = 0;
   SceneOptions options_;
   bool in_world_ = false;
 };
