@@ -16,6 +16,7 @@ int main(int argc, char** argv) {
   add_render_command(app, exit_code);
   add_plan_command(app, exit_code);
   add_pack_command(app, exit_code);
+  add_city_command(app, exit_code);
   add_info_command(app, exit_code);
   add_compare_command(app, exit_code);
   try {
