@@ -4,6 +4,7 @@
 
 #include <csignal>
 #include <fstream>
+#include <map>
 
 #include "cache/trace_log.h"
 #include "pipeline/render/render_image.h"
@@ -28,7 +29,7 @@ struct RenderArguments {
   std::string output, frames, memory, resolution, crop, report, trace, scratch, scratch_limit, spill = "auto";
   std::string page_share, attribute_share, texture_share, hit_sort;
   uint32_t spp = 0, seed = 0, threads = 0;
-  int max_depth = -1;
+  int max_depth = -1, light_selection = -1;
   uint64_t wave_paths = 0;
   double time_limit = 0;
   bool has_seed = false, independent = false, aovs = false, halves = false, direct = false, no_sort_rays = false,
@@ -60,6 +61,7 @@ Status override_settings(const RenderArguments& arguments, SceneSettings& settin
   if (arguments.max_depth >= 0) settings.render.max_depth = static_cast<uint32_t>(arguments.max_depth);
   if (arguments.has_seed) settings.render.seed = arguments.seed;
   if (arguments.independent) settings.render.sampler = shading::SamplerKind::independent;
+  if (arguments.light_selection >= 0) settings.render.light_selection = static_cast<LightSelection>(arguments.light_selection);
   if (!arguments.resolution.empty()) {
     SPILLWAY_ASSIGN(const Resolution r, parse_resolution(arguments.resolution));
     set_resolution(settings, r);
@@ -236,6 +238,12 @@ void add_meaning(CLI::App& command, RenderArguments& a) {
   command.add_flag("--independent", a.independent, "independent samples, to measure the usual ones by: noisier");
   command.add_option_function<uint32_t>("--seed", [&a](uint32_t seed) { a.seed = seed, a.has_seed = true; },
                                         "another set of random numbers [the scene's]");
+  static const std::map<std::string, int> kSelections = {
+      {"tree", static_cast<int>(LightSelection::tree)},
+      {"power", static_cast<int>(LightSelection::power)},
+      {"uniform", static_cast<int>(LightSelection::uniform)}};
+  command.add_option("--light-selection", a.light_selection, "how lights are chosen: noise differs [the scene's, or tree]")
+      ->transform(CLI::CheckedTransformer(kSelections));
   command.add_flag("--aov", a.aovs, "depth, normal, albedo and id layers");
 }
 

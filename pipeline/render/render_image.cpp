@@ -298,6 +298,8 @@ FilmIdentity film_identity(const Store& store, const SceneSettings& settings) {
   key = checksum(&settings.filter, sizeof settings.filter, key);
   key = checksum(&render, sizeof render, key);
   key = checksum(store.lights().data(), store.lights().size_bytes(), key);
+  key = checksum(store.emitters().data(), store.emitters().size_bytes(), key);
+  key = checksum(store.emissions().data(), store.emissions().size_bytes(), key);
   key = checksum(store.materials().data(), store.materials().size_bytes(), key);
   key = checksum(store.meshes().data(), store.meshes().size_bytes(), key);
   if (!store.motions().empty()) {
