@@ -103,9 +103,10 @@ bool emission_splat(const PathSettings& settings, const HitRecord& hit, const Sh
 }
 
 // A ray from the point to where the light was sampled, short of the light itself.
-cache::TraceRay shadow_ray(const PathSettings& settings, const ShadingPoint& point, const shading::LightSample& sample) {
+cache::TraceRay shadow_ray(const PathSettings& settings, const ShadingPoint& point,
+                           const shading::LightSample& sample) {
   const Float3 origin = shading::ray_origin(point.position, point.normal_geometric, sample.w_next_world,
-                                           settings.lights.scene_radius_world);
+                                            settings.lights.scene_radius_world);
   if (!std::isfinite(sample.distance)) return {origin, INFINITY, sample.w_next_world, 0};
   const Float3 to_light = sample.point_world - origin;
   // The light's own surface lies at 1, give or take the rounding of coordinates of this size.
@@ -205,7 +206,7 @@ bool stopped_by_alpha(const HitRecord& hit, uint32_t seed, float alpha) {
 
 cache::TraceRay ray_beyond(const PathSettings& settings, const HitRecord& hit, const ShadingPoint& point) {
   const Float3 origin = shading::ray_origin(point.position, point.normal_geometric, hit.direction_world,
-                                           settings.lights.scene_radius_world);
+                                            settings.lights.scene_radius_world);
   return {origin, hit.t_max - hit.hit.t, hit.direction_world, 0};
 }
 
