@@ -33,7 +33,7 @@ Float3 ray_origin(Float3 p, Float3 normal_geometric, Float3 direction, float sce
     const auto steps = static_cast<int32_t>(kIntegerScale * n[a]);
     const auto bits = std::bit_cast<int32_t>(p[a]);
     moved[a] = std::fabs(p[a]) < kNearZero * unit ? p[a] + kFloatScale * unit * n[a]
-                                           : std::bit_cast<float>(bits + (p[a] < 0 ? -steps : steps));
+                                                  : std::bit_cast<float>(bits + (p[a] < 0 ? -steps : steps));
   }
   return moved;
 }

@@ -103,7 +103,8 @@ bool emission_splat(const PathSettings& settings, const HitRecord& hit, const Sh
 }
 
 // A ray from the point to where the light was sampled, short of the light itself.
-cache::TraceRay shadow_ray(const PathSettings& settings, const ShadingPoint& point, const shading::LightSample& sample) {
+cache::TraceRay shadow_ray(const PathSettings& settings, const ShadingPoint& point,
+                           const shading::LightSample& sample) {
   const Float3 origin = shading::ray_origin(point.position, point.normal_geometric, sample.w_next_world,
                                             settings.lights.scene_radius_world);
   if (!std::isfinite(sample.distance)) return {origin, INFINITY, sample.w_next_world, point.time};

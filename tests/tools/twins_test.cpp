@@ -111,11 +111,14 @@ TEST(KnownAnswers, a_closed_furnace_of_albedo_one_half_is_twice_as_bright) {
 
 // A mix is one of its parts, as often as it says, whatever they are.
 TEST(KnownAnswers, a_mix_returns_the_mean_of_its_parts) {
-  expect_mean("LightSource \"infinite\" \"rgb L\" [1 1 1]\nMakeNamedMaterial \"a\" \"string type\" \"diffuse\" \"rgb reflectance\" "
-              "[0.8 0.8 0.8]\nMakeNamedMaterial \"b\" \"string type\" \"diffusetransmission\" \"rgb reflectance\" [0.1 0.1 0.1] "
-              "\"rgb transmittance\" [0.3 0.3 0.3]\nMaterial \"mix\" \"string materials\" [\"a\" \"b\"] \"float amount\" 0.25\n"
-              "Shape \"trianglemesh\" \"point3 P\" [-9 -9 0 9 -9 0 9 9 0 -9 9 0] \"integer indices\" [0 1 2 0 2 3]\n",
-              0.75 * 0.8 + 0.25 * 0.4, 0.002);
+  expect_mean(
+      "LightSource \"infinite\" \"rgb L\" [1 1 1]\nMakeNamedMaterial \"a\" \"string type\" \"diffuse\" \"rgb "
+      "reflectance\" "
+      "[0.8 0.8 0.8]\nMakeNamedMaterial \"b\" \"string type\" \"diffusetransmission\" \"rgb reflectance\" [0.1 0.1 "
+      "0.1] "
+      "\"rgb transmittance\" [0.3 0.3 0.3]\nMaterial \"mix\" \"string materials\" [\"a\" \"b\"] \"float amount\" 0.25\n"
+      "Shape \"trianglemesh\" \"point3 P\" [-9 -9 0 9 -9 0 9 9 0 -9 9 0] \"integer indices\" [0 1 2 0 2 3]\n",
+      0.75 * 0.8 + 0.25 * 0.4, 0.002);
 }
 
 // Clear glass in a white sky cannot be seen, through however many faces.
