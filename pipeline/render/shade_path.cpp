@@ -113,12 +113,11 @@ cache::TraceRay shadow_ray(const ShadingPoint& point, const shading::LightSample
 }
 
 void next_event(const PathSettings& settings, const HitRecord& hit, const ShadingPoint& point,
-                const SurfaceValues& surface, const shading::Frame& frame, Float3 w_prev_local, ShadedVertex& out) {
+                const SurfaceValues& surface, const shading::Frame& frame, Float3 w_prev_local,
+                const shading::BouncePoints& points, ShadedVertex& out) {
   if (settings.lights.lights.empty() || !shading::has_continuous_lobe(surface.bsdf)) return;
-  const shading::SampleKey key = sample_key(hit.path, settings.seed);
-  const Float2 u = shading::sample_2d(key, shading::bounce_slot(hit.path.bounce, shading::kBounceLight));
-  const Float2 select = shading::sample_2d(key, shading::bounce_slot(hit.path.bounce, shading::kBounceLightSelect));
-  const shading::LightSample light = shading::sample_light(settings.lights, point.position, select.x, u);
+  const shading::LightSample light = shading::sample_light(
+      settings.lights, point.position, points[shading::kBounceLightSelect].x, points[shading::kBounceLight]);
   if (!(light.pdf_solid_angle > 0) || is_black(light.radiance)) return;
   const shading::BsdfValue f =
       shading::evaluate_bsdf(surface.bsdf, w_prev_local, frame.local_from_world(light.w_next_world));
@@ -144,13 +143,12 @@ bool survives_roulette(PathRecord& path, float u) {
   return true;
 }
 
-void next_direction(const PathSettings& settings, const HitRecord& hit, const ShadingPoint& point,
-                    const SurfaceValues& surface, const shading::Frame& frame, Float3 w_prev_local, ShadedVertex& out) {
-  const shading::SampleKey key = sample_key(hit.path, settings.seed);
-  const Float2 u = shading::sample_2d(key, shading::bounce_slot(hit.path.bounce, shading::kBounceBsdf));
-  const Float2 choose =
-      shading::sample_2d(key, shading::bounce_slot(hit.path.bounce, shading::kBounceLobeAndRoulette));
-  const shading::BsdfSample sample = shading::sample_bsdf(surface.bsdf, w_prev_local, u, choose.x);
+void next_direction(const HitRecord& hit, const ShadingPoint& point, const SurfaceValues& surface,
+                    const shading::Frame& frame, Float3 w_prev_local, const shading::BouncePoints& points,
+                    ShadedVertex& out) {
+  const Float2 choose = points[shading::kBounceLobeAndRoulette];
+  const shading::BsdfSample sample =
+      shading::sample_bsdf(surface.bsdf, w_prev_local, points[shading::kBounceBsdf], choose.x);
   if (is_black(sample.weight)) return;
   PathRecord path = hit.path;
   path.bounce += 1;
@@ -178,8 +176,9 @@ ShadedVertex shade_vertex(const PathSettings& settings, const HitRecord& hit, co
   const shading::Frame frame = shading::frame_from_z_and_tangent(surface.normal_shading, point.dpdu);
   const Float3 w_prev_local = frame.local_from_world(-hit.direction_world);
   if (w_prev_local.z == 0) return out;
-  next_event(settings, hit, point, surface, frame, w_prev_local, out);
-  next_direction(settings, hit, point, surface, frame, w_prev_local, out);
+  const shading::BouncePoints points = shading::sample_bounce(sample_key(hit.path, settings.seed), hit.path.bounce);
+  next_event(settings, hit, point, surface, frame, w_prev_local, points, out);
+  next_direction(hit, point, surface, frame, w_prev_local, points, out);
   return out;
 }
 
