@@ -32,6 +32,7 @@ struct ImageInfo {
   TexelEncoding encoding;
   uint32_t texel_bytes;  // of one channel: 1 (8 bit) or 4 (float)
   float mean[4];  // linear, of the finest level
+  uint64_t content;  // checksum of the finest level's texels
 };
 
 inline constexpr uint32_t kTileSize = 64;

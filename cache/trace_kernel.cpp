@@ -16,8 +16,8 @@ namespace {
 // Margins in roundings (2^-24) of the largest coordinate in play, M = max(|origin|, extent of the scene or object).
 // A triangle's own box, from which its hits cannot stray: the shear moves a vertex by three roundings of |v - o| <= 2 M.
 constexpr float kTrianglePadding = 8 * 0x1p-24f;
-// The boxes above it enclose that one as computed: the plane (1), o / d (1), what the padding is taken from (2) and the
-// sum (2) on the box's side, difference and product (4) on the triangle's.
+// The boxes above it enclose that one as computed: o / d and the padding (2), the node's corner (2), its quantum (2) and
+// the sum of both (2) on the box's side, difference and product (4) on the triangle's.
 constexpr float kBoxPadding = kTrianglePadding + 16 * 0x1p-24f;
 // A direction component below this is treated as this: 1/d stays finite, 0 * 1/d stays 0.
 constexpr float kSmallestDirection = 1e-18f;
@@ -26,7 +26,7 @@ constexpr int kUpperPlanes = offsetof(TraceNode, upper) - offsetof(TraceNode, lo
 
 // A ray in the space of one object: slabs for boxes, shear for triangles.
 struct KernelRay {
-  // A plane at p along axis a is met at p * slope[a] + near_end[a] (or far_end[a]), the padding of boxes included.
+  // A plane at p along axis a is met at p * slope[a] + near_end[a], or far_end[a]: the padding of boxes included.
   __m256 slope[3], near_end[3], far_end[3];
   ptrdiff_t near_plane[3];  // where a node's planes that face the ray's origin begin, in bytes from `lower`
   ptrdiff_t far_plane[3];

@@ -24,6 +24,8 @@ spillway_library(openimageio OpenImageIO/imagecache.h OpenImageIO OpenImageIO_Ut
 target_link_libraries(spillway::openimageio INTERFACE spillway::imath)
 spillway_library(opensubdiv opensubdiv/far/primvarRefiner.h osdCPU)
 spillway_library(zlib zlib.h z)
+spillway_library(lz4 lz4.h lz4)
+spillway_library(zstd zstd.h zstd)
 spillway_library(json nlohmann/json.hpp)
 spillway_library(cli11 CLI/CLI.hpp)
 

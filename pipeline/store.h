@@ -40,7 +40,8 @@ struct StoreTables {
   Buffer<cache::PageObject> tree_objects;
   Buffer<cache::Instance> instances;
   Buffer<AttributeLocation> attributes;
-  Buffer<char> names;
+  Buffer<FrameCamera> camera_path;
+  Buffer<ContentChecksums> content;  // one
   Buffer<char> sources;
 };
 
@@ -69,6 +70,9 @@ class Store {
   [[nodiscard]] std::span<const cache::PageLocation> pages() const { return tables_.pages; }
   [[nodiscard]] std::span<const cache::Instance> instances() const { return tables_.instances; }
   [[nodiscard]] std::span<const AttributeLocation> attributes() const { return tables_.attributes; }
+  [[nodiscard]] std::span<const FrameCamera> camera_path() const { return tables_.camera_path; }
+  // Of everything a picture can depend on besides settings and cameras: pages, attributes, images by their names, tables.
+  [[nodiscard]] uint64_t content_key() const { return content_key_; }
 
   // Views into this store, which must outlive them.
   [[nodiscard]] cache::PageTree page_tree() const;
@@ -76,7 +80,8 @@ class Store {
 
   // prim must be one of the scene's.
   [[nodiscard]] MeshId mesh_of(PrimId prim) const;
-  // What the scene calls `kind` ("mesh", "material", "object") number `index`; empty when unknown. Reads all names.
+  // What the scene calls `kind` ("mesh", "material", "object") number `index`; empty when unknown. Reads all names from the
+  // file: they are not kept.
   [[nodiscard]] std::string name_of(std::string_view kind, uint32_t index) const;
 
   // Whether each of `sources` is among the files that the store was made from, and none of those has changed.
@@ -88,6 +93,7 @@ class Store {
 
   std::filesystem::path directory_;
   StoreTables tables_;
+  uint64_t content_key_ = 0;
   Buffer<float> environment_row_cdf_, environment_texel_cdf_;
 };
 

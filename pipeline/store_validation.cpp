@@ -4,6 +4,8 @@
 #include <cstring>
 #include <vector>
 
+#include "shading/noise.h"
+
 namespace spillway::pipeline {
 namespace {
 
@@ -283,8 +285,9 @@ Status check_file(const std::filesystem::path& path, uint64_t least_bytes) {
 
 }  // namespace
 
-Status check_settings(const SceneSettings& settings, std::string_view where) {
-  const shading::Camera& c = settings.camera;
+namespace {
+
+Status check_camera(const shading::Camera& c, std::string_view where) {
   if (c.resolution_x_px < 1 || c.resolution_x_px > kLargestResolution || c.resolution_y_px < 1 ||
       c.resolution_y_px > kLargestResolution)
     return error("{}: a resolution of {} x {}; 1 to {} is possible", where, c.resolution_x_px, c.resolution_y_px,
@@ -294,6 +297,28 @@ Status check_settings(const SceneSettings& settings, std::string_view where) {
   if (c.is_orthographic > 1) return error("{}: a camera of no known kind", where);
   if (!is_finite_transform(c.world_from_camera) || !all_finite(camera) || c.lens_radius < 0 || c.focal_distance <= 0)
     return error("{}: the camera has a number that is not finite or of the wrong sign", where);
+  return {};
+}
+
+}  // namespace
+
+Status check_camera_path(std::span<const FrameCamera> path, const SceneSettings& settings, std::string_view where) {
+  for (size_t i = 0; i < path.size(); ++i) {
+    const FrameCamera& f = path[i];
+    SPILLWAY_TRY(check_camera(f.camera, fmt::format("{}: frame {}", where, f.frame)));
+    if (i > 0 && f.frame <= path[i - 1].frame)
+      return error("{}: frame {} follows frame {}", where, f.frame, path[i - 1].frame);
+    if (f.camera.resolution_x_px != settings.camera.resolution_x_px ||
+        f.camera.resolution_y_px != settings.camera.resolution_y_px)
+      return error("{}: frame {} has {} x {} pixels, the settings {} x {}", where, f.frame, f.camera.resolution_x_px,
+                   f.camera.resolution_y_px, settings.camera.resolution_x_px, settings.camera.resolution_y_px);
+  }
+  return {};
+}
+
+Status check_settings(const SceneSettings& settings, std::string_view where) {
+  const shading::Camera& c = settings.camera;
+  SPILLWAY_TRY(check_camera(c, where));
   const shading::Filter& f = settings.filter;
   const float radii[] = {f.radius_px.x, f.radius_px.y};
   for (const float radius : radii)
@@ -309,15 +334,31 @@ Status check_settings(const SceneSettings& settings, std::string_view where) {
                  film.crop_y0, film.crop_y1);
   if (!std::isfinite(film.exposure_scale) || film.exposure_scale <= 0)
     return error("{}: an exposure scale of {}", where, film.exposure_scale);
+  if (settings.render.sampler > shading::SamplerKind::independent)
+    return error("{}: a sampler of no known kind", where);
   if (settings.render.samples_per_pixel == 0) return error("{}: no samples a pixel", where);
   return {};
 }
 
+namespace {
+
+float octaves_of(const TextureNode& node) {
+  const bool has =
+      node.kind == TextureKind::fbm || node.kind == TextureKind::wrinkled || node.kind == TextureKind::marble;
+  return has ? node.value[1] : 0;
+}
+
+}  // namespace
+
 Status check_texture(const TextureNode& node, size_t index, size_t image_count, std::string_view where) {
-  if (node.kind > TextureKind::bilerp || node.wrap > cache::WrapMode::black || node.filter > cache::TexelFilter::trilinear)
+  if (node.kind > TextureKind::marble || node.mapping > TextureMapping::solid || node.wrap > cache::WrapMode::black ||
+      node.filter > cache::TexelFilter::trilinear)
     return error("{}: is of no known kind, wrap or filter", where);
-  if (!all_finite(node.value) || !all_finite(node.uv_scale) || !all_finite(node.uv_offset))
+  if (!all_finite(node.value) || !all_finite(node.uv_scale) || !all_finite(node.uv_offset) ||
+      !is_finite_transform(node.texture_from_world))
     return error("{}: has a number that is not finite", where);
+  if (octaves_of(node) > shading::kMaxOctaves || octaves_of(node) < 0)
+    return error("{}: has {} octaves of noise; 0 to {} can be", where, node.value[1], shading::kMaxOctaves);
   if (node.kind == TextureKind::image && node.image >= image_count)
     return error("{}: uses image {} of {}", where, node.image, image_count);
   for (size_t c = 0; c < child_count(node.kind); ++c)
@@ -327,7 +368,7 @@ Status check_texture(const TextureNode& node, size_t index, size_t image_count, 
 }
 
 Status TextureCosts::add(const TextureNode& node, std::string_view where) {
-  uint64_t cost = 1;
+  uint64_t cost = 1 + static_cast<uint64_t>(octaves_of(node));  // each as dear as a lookup
   for (uint32_t c = 0; c < child_count(node.kind); ++c) cost += costs_[node.child[c]];
   if (cost > kMost)
     return error("{}: asks for more than {} lookups, since textures below it are used again and again", where, kMost);
@@ -381,6 +422,8 @@ Status check_light(const shading::Light& light, std::string_view where) {
 Status validate_tables(const StoreTables& t, std::string_view where) {
   if (t.settings.size() != 1) return damaged(where, section::kSettings, 0, "{} settings", t.settings.size());
   SPILLWAY_TRY(check_settings(t.settings[0], fmt::format("{}: section '{}'", where, section::kSettings)));
+  SPILLWAY_TRY(check_camera_path(t.camera_path, t.settings[0], fmt::format("{}: section '{}'", where, section::kCameraPath)));
+  if (t.content.size() != 1) return damaged(where, section::kContent, 0, "{} checksums of contents", t.content.size());
   SPILLWAY_TRY(validate_images(t, where));
   TextureCosts texture_costs;
   for (size_t i = 0; i < t.textures.size(); ++i) {

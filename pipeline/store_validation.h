@@ -3,6 +3,7 @@
 // The laws between a store's tables: what rendering may rely on without looking again.
 
 #include <filesystem>
+#include <span>
 #include <string_view>
 #include <vector>
 
@@ -18,6 +19,8 @@ Status validate_files(const StoreTables& tables, const std::filesystem::path& di
 
 // Also used while packing, before anything is written. `where` names the item for the message.
 Status check_settings(const SceneSettings& settings, std::string_view where);
+// Ascending frames, cameras as the settings' own and of its resolution.
+Status check_camera_path(std::span<const FrameCamera> path, const SceneSettings& settings, std::string_view where);
 Status check_texture(const TextureNode& node, size_t index, size_t image_count, std::string_view where);
 // What evaluating a texture costs, in nodes. Graphs share nodes: a short one may stand for a tree beyond all bounds.
 class TextureCosts {

@@ -77,9 +77,23 @@ __m128i sobol_second_reversed(__m128i index) {
   return index;
 }
 
+Float2 independent_2d(SampleKey key, uint32_t slot) {
+  const uint64_t h = hash_combine(hash_combine(uint64_t{key.seed} << 32 | slot, uint64_t{key.sink} << 32 | key.sample),
+                                  uint64_t{1} << 33);
+  return {unit_float(static_cast<uint32_t>(h >> 32)), unit_float(static_cast<uint32_t>(h))};
+}
+
+BouncePoints one_by_one(SampleKey key, uint32_t bounce) {
+  BouncePoints points;
+  for (uint32_t s = 0; s < kSlotsPerBounce; ++s)
+    points.at[s] = sample_2d(key, bounce_slot(bounce, static_cast<BounceSlot>(s)));
+  return points;
+}
+
 }  // namespace
 
 BouncePoints sample_bounce(SampleKey key, uint32_t bounce) {
+  if (key.kind == SamplerKind::independent) return one_by_one(key, bounce);
   alignas(16) uint32_t shuffle[4];
   alignas(32) uint32_t xy_seed[8];
   const uint64_t sink = sink_hash(key);
@@ -105,6 +119,7 @@ BouncePoints sample_bounce(SampleKey key, uint32_t bounce) {
 }
 
 Float2 sample_2d(SampleKey key, uint32_t slot) {
+  if (key.kind == SamplerKind::independent) return independent_2d(key, slot);
   const uint64_t scramble = slot_hash(sink_hash(key), slot);
   const auto shuffle_seed = static_cast<uint32_t>(scramble);
   const auto x_seed = static_cast<uint32_t>(scramble >> 32);

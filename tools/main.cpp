@@ -1,18 +1,14 @@
-#include <fmt/format.h>
+#include <csignal>
 
 #include "tools/commands.h"
 
 namespace spillway::tools {
 
-int fail(const std::string& message, int code) {
-  fmt::print(stderr, "spillway: {}\n", message);
-  return code;
-}
-
 }  // namespace spillway::tools
 
 int main(int argc, char** argv) {
   using namespace spillway::tools;
+  std::signal(SIGXFSZ, SIG_IGN);  // a write beyond the limit is then an error like a full disk
   CLI::App app("Spillway renders frames whose geometry, textures and rays do not fit in memory.");
   app.require_subcommand(1);
   app.set_version_flag("--version", SPILLWAY_VERSION);
@@ -20,6 +16,7 @@ int main(int argc, char** argv) {
   add_render_command(app, exit_code);
   add_plan_command(app, exit_code);
   add_pack_command(app, exit_code);
+  add_city_command(app, exit_code);
   add_info_command(app, exit_code);
   add_compare_command(app, exit_code);
   try {

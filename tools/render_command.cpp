@@ -10,7 +10,9 @@
 #include "pipeline/render/write_image.h"
 #include "tools/commands.h"
 #include "tools/open_scene.h"
+#include "tools/render_frames.h"
 #include "tools/sizes.h"
+#include "tools/write_text.h"
 
 namespace spillway::tools {
 namespace {
@@ -23,7 +25,7 @@ extern "C" void request_stop(int) { stop_requested = true; }
 // What the command line said, still as text.
 struct RenderArguments {
   OpenSceneOptions scene;
-  std::string output, memory, resolution, crop, report, trace, scratch, scratch_limit, spill = "auto";
+  std::string output, frames, memory, resolution, crop, report, trace, scratch, scratch_limit, spill = "auto";
   std::string page_share, attribute_share, texture_share, hit_sort;
   uint32_t spp = 0, seed = 0, threads = 0;
   int max_depth = -1;
@@ -116,18 +118,17 @@ class Progress {
   int tenth_ = 0;
 };
 
-Status write_text(const std::filesystem::path& path, const std::string& text) {
-  SPILLWAY_ASSIGN(cache::WriteFile file, cache::WriteFile::create(path, cache::IoPurpose::scene));
-  SPILLWAY_TRY(file.append(std::as_bytes(std::span(text))));
-  return file.commit();
+// The program's version and the channels that it adds are part of what a finished picture is.
+std::string frame_key(const RenderArguments& arguments, const Store& store, const RenderOptions& options) {
+  return fmt::format("{} {}{}", pipeline::frame_key(store, options), SPILLWAY_VERSION, arguments.halves ? " halves" : "");
 }
 
-Status write_picture(const RenderArguments& arguments, const RenderOptions& options, const RenderedImage& image) {
-  const std::filesystem::path output = arguments.output;
+Status write_picture(const RenderArguments& arguments, const Store& store, const RenderOptions& options,
+                     const RenderedImage& image, const std::filesystem::path& output) {
   if (output.extension() == ".png") return write_png(*image.film, output);
   const ImageMetadata metadata{arguments.scene.scene.filename().string(), SPILLWAY_VERSION,
                                options.settings.render.max_depth, options.settings.render.seed,
-                               image.report.epoch_count};
+                               image.report.epoch_count, frame_key(arguments, store, options)};
   return write_exr(*image.film, output, metadata, {.half_buffers = arguments.halves});
 }
 
@@ -141,6 +142,25 @@ Status check_output(const std::filesystem::path& output) {
   return {};
 }
 
+// The frames of --frames, one after the other.
+Result<int> render_all_frames(const RenderArguments& arguments, const Store& store, RenderOptions options) {
+  FrameBatch batch;
+  SPILLWAY_ASSIGN(batch.frames, parse_frames(arguments.frames));
+  batch.output = arguments.output, batch.report = arguments.report;
+  batch.json = arguments.json, batch.quiet = arguments.scene.quiet;
+  batch.settings_of = [&](const FrameCamera& frame) -> Result<SceneSettings> {
+    SceneSettings settings = store.settings();
+    settings.camera = frame.camera;
+    SPILLWAY_TRY(override_settings(arguments, settings));
+    return settings;
+  };
+  batch.key_of = [&](const RenderOptions& frame) { return frame_key(arguments, store, frame); };
+  batch.write = [&](const RenderedImage& image, const RenderOptions& frame, const std::filesystem::path& output) {
+    return write_picture(arguments, store, frame, image, output);
+  };
+  return render_frames(store, std::move(options), batch);
+}
+
 Result<int> render(const RenderArguments& arguments) {
   SPILLWAY_TRY(check_output(arguments.output));
   SPILLWAY_ASSIGN(const Store store, open_scene(arguments.scene));
@@ -150,9 +170,10 @@ Result<int> render(const RenderArguments& arguments) {
   std::signal(SIGTERM, request_stop);
   Progress progress(arguments.scene.quiet);
   options.on_progress = [&](const RenderProgress& p) { progress.show(p); };
+  if (!arguments.frames.empty()) return render_all_frames(arguments, store, std::move(options));
   SPILLWAY_ASSIGN(const RenderedImage image, render_image(store, options));
   progress.end();
-  SPILLWAY_TRY(write_picture(arguments, options, image));
+  SPILLWAY_TRY(write_picture(arguments, store, options, image, arguments.output));
   if (!arguments.trace.empty()) SPILLWAY_TRY(cache::trace_log_write(arguments.trace));
   const std::string json = report_json(image.report, store.directory().string());
   if (!arguments.report.empty()) SPILLWAY_TRY(write_text(arguments.report, json));
@@ -222,8 +243,9 @@ void add_render_command(CLI::App& app, int& exit_code) {
   auto arguments = std::make_shared<RenderArguments>();
   RenderArguments& a = *arguments;
   add_scene_options(*command, a.scene, a.memory);
-  command->add_option("-o,--output", a.output, "the EXR (or PNG, for a look)")->required();
+  command->add_option("-o,--output", a.output, "the EXR (or PNG, for a look); #### stands for the frame")->required();
   add_meaning(*command, a);
+  command->add_option("--frames", a.frames, "frames of the scene's camera path, such as 1-48, 1-48x2 or 3,7; finished ones are skipped");
   command->add_flag("--half-buffers", a.halves, "write the two independent halves of the samples too");
   add_performance(*command, a);
   command->add_option("--time-limit", a.time_limit, "seconds; stops at the next whole epoch, equal to --spp k");

@@ -1,5 +1,7 @@
 #include "pipeline/pack/pack_image.h"
 
+#include "cache/base/hash.h"
+
 #include <OpenImageIO/imageio.h>
 
 #include <algorithm>
@@ -172,6 +174,7 @@ Status write_levels(const Decoded& source, const std::filesystem::path& path, ca
 }
 
 void set_mean(const Level& level, cache::ImageInfo& info) {
+  info.content = checksum(level.texels.data(), level.texels.size() * sizeof(float));
   double sum[4] = {0, 0, 0, 0};
   for (size_t i = 0; i < level.texels.size(); ++i) sum[i % level.channels] += level.texels[i];
   for (uint32_t c = 0; c < 4; ++c)

@@ -46,8 +46,13 @@ class SceneSink {
   virtual Status add_mesh(const MeshInput& mesh) = 0;
   virtual Status add_instance(uint32_t object, const Affine3& world_from_object) = 0;
   virtual void set_settings(const SceneSettings& settings) = 0;  // camera, filter, film, render
+  // One camera a frame, from `first_frame` on, of the resolution of the settings' camera: what `render --frames` follows.
+  // Without a path there is one frame, of the settings' camera; sinks that have no use for one leave it.
+  virtual void set_camera_path(uint32_t first_frame, std::span<const shading::Camera> cameras);
   // Everything said: pack, and commit the store. Nothing may follow.
   virtual Status finish() = 0;
 };
+
+inline void SceneSink::set_camera_path(uint32_t /*first_frame*/, std::span<const shading::Camera> /*cameras*/) {}
 
 }  // namespace spillway::pipeline

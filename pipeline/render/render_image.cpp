@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <chrono>
 #include <optional>
+#include <utility>
 
 #include "cache/base/check.h"
 #include "cache/base/hash.h"
@@ -65,8 +66,11 @@ class StageTimer {
 class RenderLoop {
  public:
   RenderLoop(RenderState& state, RenderReport& report)
-      : state_(state), report_(report), settings_(state.options.settings),
-        camera_rays_(settings_.camera, settings_.filter, pixel_window(settings_), settings_.render.seed),
+      : state_(state),
+        report_(report),
+        settings_(state.options.settings),
+        camera_rays_(settings_.camera, settings_.filter, pixel_window(settings_), settings_.render.seed,
+                     settings_.render.sampler),
         schedule_({settings_.render.samples_per_pixel, state.plan.epoch_samples, state.plan.first_epoch_samples}),
         hits_(stream_options(state, "hits", MemoryTag::hits, cache::IoPurpose::hits, state.plan.hit_bytes)) {}
 
@@ -298,16 +302,52 @@ SceneFacts scene_facts(const Store& store, const RenderOptions& options) {
   return facts;
 }
 
-Result<RenderedImage> render_image(const Store& store, const RenderOptions& options) {
+std::string frame_key(const Store& store, const RenderOptions& options) {
+  const uint64_t content = store.content_key();
+  uint64_t key = checksum(&content, sizeof content);
+  key = checksum(&options.settings, sizeof options.settings, key);
+  const std::string rest = fmt::format("{} {}", options.aov_layers, film_identity(store, options.settings).library_versions);
+  return fmt::format("{:016x}", checksum(rest.data(), rest.size(), key));
+}
+
+struct RenderSession::State {
+  State(const Store& store, const RenderOptions& o) : options(o), render(store, options) {}
+  RenderOptions options;
+  RenderState render;
+  bool used = false;
+};
+
+RenderSession::RenderSession(std::unique_ptr<State> state) : state_(std::move(state)) {}
+RenderSession::RenderSession(RenderSession&&) noexcept = default;
+RenderSession& RenderSession::operator=(RenderSession&&) noexcept = default;
+RenderSession::~RenderSession() = default;
+
+Result<RenderSession> RenderSession::open(const Store& store, const RenderOptions& options) {
   memory_reset_peaks();
-  const IoBefore io_before;
-  RenderState state(store, options);
-  SPILLWAY_TRY(open_render_state(state));
+  auto state = std::make_unique<State>(store, options);
+  SPILLWAY_TRY(open_render_state(state->render));
+  return RenderSession(std::move(state));
+}
+
+Result<RenderedImage> RenderSession::render(const shading::Camera& camera) {
+  SPILLWAY_CHECK(camera.resolution_x_px, ==, state_->options.settings.camera.resolution_x_px);
+  SPILLWAY_CHECK(camera.resolution_y_px, ==, state_->options.settings.camera.resolution_y_px);
+  if (std::exchange(state_->used, true)) memory_reset_peaks();
+  state_->options.settings.camera = camera;
+  RenderState& state = state_->render;
+  const CountersBefore before(state);
+  SPILLWAY_TRY(open_film(state));
   RenderedImage image;
-  SPILLWAY_TRY(RenderLoop(state, image.report).run());
-  fill_report(state, io_before, image.report);
+  const Status rendered = RenderLoop(state, image.report).run();
+  if (rendered) fill_report(state, before, image.report);
   image.film = std::move(state.film);
+  SPILLWAY_TRY(rendered);
   return image;
+}
+
+Result<RenderedImage> render_image(const Store& store, const RenderOptions& options) {
+  SPILLWAY_ASSIGN(RenderSession session, RenderSession::open(store, options));
+  return session.render(options.settings.camera);
 }
 
 }  // namespace spillway::pipeline

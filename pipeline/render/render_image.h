@@ -57,7 +57,30 @@ struct RenderedImage {
 // What must agree for two films to be parts of one image: the store's contents and the settings that change pixels.
 [[nodiscard]] FilmIdentity film_identity(const Store& store, const SceneSettings& settings);
 
-// Renders on the threads of the calling arena.
+// What makes a picture the one that was asked for, in the metadata of finished ones: the store's contents, all settings
+// with the samples a pixel, layers, and what computed it. 16 digits.
+[[nodiscard]] std::string frame_key(const Store& store, const RenderOptions& options);
+
+// Renders one frame after the other. Owns what they share: open files, resident pages, attributes and textures.
+// Threads: one caller; a frame takes the threads of the calling arena. Memory: as planned for the options' camera.
+// Fails: open() as the plan and the files; a frame that fails leaves the next ones possible.
+class RenderSession {
+ public:
+  static Result<RenderSession> open(const Store& store, const RenderOptions& options);
+  RenderSession(RenderSession&&) noexcept;
+  RenderSession& operator=(RenderSession&&) noexcept;
+  ~RenderSession();
+
+  // Of the options' resolution. The report counts from the frame's start; first reads are first in the session.
+  Result<RenderedImage> render(const shading::Camera& camera);
+
+ private:
+  struct State;
+  explicit RenderSession(std::unique_ptr<State> state);
+  std::unique_ptr<State> state_;
+};
+
+// A session of one frame.
 Result<RenderedImage> render_image(const Store& store, const RenderOptions& options);
 
 }  // namespace spillway::pipeline

@@ -62,7 +62,7 @@ void connect(RenderState& state) {
   const Store& store = state.store;
   const SceneSettings& settings = state.options.settings;
   ShadeInputs& in = state.inputs;
-  in.settings = {store.light_table(), settings.render.max_depth, settings.render.seed};
+  in.settings = {store.light_table(), settings.render.max_depth, settings.render.seed, settings.render.sampler};
   in.tables = {store.meshes(), store.materials(), state.evaluator.get()};
   in.instances = store.page_tree().instances;
   state.resolver = std::make_unique<MaterialResolver>(in.tables, settings.render.seed);
@@ -81,14 +81,24 @@ Status open_render_state(RenderState& state) {
   SPILLWAY_TRY(open_scratch(state));
   SPILLWAY_TRY(open_geometry(state));
   SPILLWAY_TRY(open_textures(state));
-  SPILLWAY_ASSIGN(Film film, Film::create(film_shape(options.settings, options.aov_layers),
-                                          film_identity(state.store, options.settings)));
-  state.film = std::make_unique<Film>(std::move(film));
   connect(state);
   return {};
 }
 
-std::array<cache::IoUse, cache::kIoPurposeCount> IoBefore::all() {
+Status open_film(RenderState& state) {
+  const RenderOptions& options = state.options;
+  SPILLWAY_ASSIGN(Film film, Film::create(film_shape(options.settings, options.aov_layers),
+                                          film_identity(state.store, options.settings)));
+  state.film = std::make_unique<Film>(std::move(film));
+  return {};
+}
+
+CountersBefore::CountersBefore(const RenderState& state)
+    : pages(state.page_parts->counters()), attributes(state.attributes->parts().counters()) {
+  if (state.textures) textures = state.textures->counters();
+}
+
+std::array<cache::IoUse, cache::kIoPurposeCount> CountersBefore::io() {
   std::array<cache::IoUse, cache::kIoPurposeCount> use;
   for (int i = 0; i < cache::kIoPurposeCount; ++i) use[i] = cache::io_use(static_cast<cache::IoPurpose>(i));
   return use;
@@ -96,8 +106,8 @@ std::array<cache::IoUse, cache::kIoPurposeCount> IoBefore::all() {
 
 namespace {
 
-void fill_io(const IoBefore& before, RenderReport& report) {
-  report.io = IoBefore::all();
+void fill_io(const CountersBefore& before, RenderReport& report) {
+  report.io = CountersBefore::io();
   for (int i = 0; i < cache::kIoPurposeCount; ++i) {
     cache::IoUse& use = report.io[i];
     const cache::IoUse& then = before.by_purpose[i];
@@ -110,14 +120,28 @@ void fill_io(const IoBefore& before, RenderReport& report) {
                        now.device_written_bytes - before.process.device_written_bytes};
 }
 
+cache::PartStoreCounters gained(cache::PartStoreCounters now, const cache::PartStoreCounters& before) {
+  now.parts_read -= before.parts_read, now.parts_read_again -= before.parts_read_again;
+  now.parts_evicted -= before.parts_evicted, now.bytes_read -= before.bytes_read;
+  now.unique_bytes -= before.unique_bytes, now.wait_seconds -= before.wait_seconds;
+  return now;
+}
+
+cache::TextureCounters gained(cache::TextureCounters now, const cache::TextureCounters& before) {
+  now.lookups -= before.lookups, now.tiles_touched -= before.tiles_touched, now.tiles_read -= before.tiles_read;
+  now.tiles_read_again -= before.tiles_read_again, now.bytes_read -= before.bytes_read;
+  now.unique_bytes -= before.unique_bytes;
+  return now;
+}
+
 }  // namespace
 
-void fill_report(const RenderState& state, const IoBefore& before, RenderReport& report) {
+void fill_report(const RenderState& state, const CountersBefore& before, RenderReport& report) {
   report.plan = state.plan;
-  report.pages = state.page_parts->counters();
-  report.attributes = state.attributes->parts().counters();
+  report.pages = gained(state.page_parts->counters(), before.pages);
+  report.attributes = gained(state.attributes->parts().counters(), before.attributes);
   report.has_textures = state.textures != nullptr;
-  if (state.textures) report.textures = state.textures->counters();
+  if (state.textures) report.textures = gained(state.textures->counters(), before.textures);
   if (state.scratch) report.scratch_peak_bytes = state.scratch->peak_bytes();
   report.direct_io = state.options.direct_io;
   fill_io(before, report);

@@ -1,6 +1,7 @@
 #pragma once
 
-// What lives as long as one render: the plan, the caches it gives their shares, the film, the tables of shading.
+// What lives as long as the frames of one session: the plan, the caches it gives their shares, the tables of shading; and
+// the film of the frame that is being rendered.
 //
 // Owns: the open store files, scratch, caches, film. Memory: as planned. Threads: opened and closed by one thread; what
 // the stages may do at once with its parts, those say.
@@ -40,18 +41,24 @@ struct RenderState {
   ShadeInputs inputs;
 };
 
-// Plans, and opens everything the plan has a share for. Fails as the parts do, and when the budget is too small.
+// Plans, and opens everything but the film that the plan has a share for. Fails as the parts do, and when the budget is
+// too small.
 Status open_render_state(RenderState& state);
+// An empty film for the camera of the options.
+Status open_film(RenderState& state);
 
-// What was read and written before the render.
-struct IoBefore {
+// The counters when a frame begins: a report is what they gained.
+struct CountersBefore {
+  explicit CountersBefore(const RenderState& state);
   cache::ProcessIo process = cache::process_io();
-  std::array<cache::IoUse, cache::kIoPurposeCount> by_purpose = all();
+  std::array<cache::IoUse, cache::kIoPurposeCount> by_purpose = io();
+  cache::PartStoreCounters pages, attributes;
+  cache::TextureCounters textures;
 
-  static std::array<cache::IoUse, cache::kIoPurposeCount> all();
+  static std::array<cache::IoUse, cache::kIoPurposeCount> io();
 };
 
-// The counters at the end of the render.
-void fill_report(const RenderState& state, const IoBefore& before, RenderReport& report);
+// The counters at the end of the frame.
+void fill_report(const RenderState& state, const CountersBefore& before, RenderReport& report);
 
 }  // namespace spillway::pipeline

@@ -176,7 +176,8 @@ ShadedVertex shade_vertex(const PathSettings& settings, const HitRecord& hit, co
   const shading::Frame frame = shading::frame_from_z_and_tangent(surface.normal_shading, point.dpdu);
   const Float3 w_prev_local = frame.local_from_world(-hit.direction_world);
   if (w_prev_local.z == 0) return out;
-  const shading::BouncePoints points = shading::sample_bounce(sample_key(hit.path, settings.seed), hit.path.bounce);
+  const shading::BouncePoints points =
+      shading::sample_bounce(sample_key(hit.path, settings.seed, settings.sampler), hit.path.bounce);
   next_event(settings, hit, point, surface, frame, w_prev_local, points, out);
   next_direction(hit, point, surface, frame, w_prev_local, points, out);
   return out;

@@ -155,6 +155,8 @@ void set_metadata(ImageSpec& spec, const Film& film, const ImageMetadata& metada
   count("spillway:max_depth", metadata.max_depth);
   count("spillway:seed", metadata.seed);
   count("spillway:epochs", metadata.epochs);
+  spec.attribute("spillway:frame_key", metadata.frame_key);
+  spec.attribute("spillway:faults", film.faults().any() ? "some" : "none");
   if (!options.half_buffers) return;
   count("spillway:half_a_spp", film.half_samples(0));
   count("spillway:half_b_spp", film.half_samples(1));

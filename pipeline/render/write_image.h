@@ -29,6 +29,7 @@ struct ImageMetadata {
   uint32_t max_depth = 0;
   uint32_t seed = 0;
   uint32_t epochs = 0;  // closed ones
+  std::string frame_key{};  // see render_image.h; with spp and faults, by which a finished frame is known
 };
 
 struct WriteImageOptions {

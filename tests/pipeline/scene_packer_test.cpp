@@ -323,6 +323,33 @@ TEST_F(ScenePackerTest, a_scene_without_camera_or_with_an_absurd_one_is_refused)
   EXPECT_FALSE(has_manifest("a.store"));
 }
 
+TEST_F(ScenePackerTest, contents_that_differ_in_one_vertex_have_another_key) {
+  const auto key = [&](const char* name, float x) {
+    const auto packer = ScenePacker::create(directory_ / name, {});
+    EXPECT_TRUE((*packer)->add_material({}, "grey"));
+    MeshData mesh = wavy_grid("grid", 3, 3);
+    mesh.positions[5].x += x;
+    EXPECT_TRUE((*packer)->add_mesh(mesh.input(0)));
+    (*packer)->set_settings(small_settings());
+    EXPECT_TRUE((*packer)->finish());
+    return open(name).content_key();
+  };
+  EXPECT_EQ(key("a.store", 0), key("b.store", 0));
+  EXPECT_NE(key("c.store", 0.01f), key("d.store", 0));
+}
+
+TEST_F(ScenePackerTest, a_camera_path_that_makes_no_sense_is_refused) {
+  const auto packer = ScenePacker::create(directory_ / "a.store", {});
+  (*packer)->set_settings(small_settings());
+  std::vector<shading::Camera> path(3, small_settings().camera);
+  path[2].resolution_x_px /= 2;
+  (*packer)->set_camera_path(10, path);
+  const Status packed = (*packer)->finish();
+  ASSERT_FALSE(packed);
+  EXPECT_NE(packed.error().message.find("frame 12"), std::string::npos) << packed.error().message;
+  EXPECT_FALSE(has_manifest("a.store"));
+}
+
 TEST_F(ScenePackerTest, an_image_that_is_none_fails_and_leaves_nothing) {
   std::ofstream(directory_ / "broken.ppm") << "P6\n4 4\n255\nab";
   auto packer = ScenePacker::create(directory_ / "a.store", {});

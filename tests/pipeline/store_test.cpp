@@ -15,6 +15,7 @@ namespace {
 Status pack_small(const std::filesystem::path& path, std::vector<std::filesystem::path> sources = {}) {
   SPILLWAY_ASSIGN(const auto packer, ScenePacker::create(path, {.source_files = std::move(sources)}));
   packer->set_settings(small_settings());
+  packer->set_camera_path(7, std::vector{small_settings().camera, small_settings().camera});
   SPILLWAY_TRY(packer->add_texture(TextureNode{}) ? Status{} : error("texture"));
   TextureNode product;
   product.kind = TextureKind::scale, product.child[0] = product.child[1] = 0;
@@ -206,6 +207,9 @@ TEST_F(StoreTest, each_law_between_the_tables_is_checked_and_the_section_named) 
       {section::kSettings, offsetof(SceneSettings, film) + offsetof(FilmSettings, exposure_scale), nan},
       {section::kSettings, offsetof(SceneSettings, render), 0},
       {section::kSettings, offsetof(SceneSettings, statistics) + offsetof(SceneStatistics, bounds_world), 0},
+      {section::kCameraPath, offsetof(FrameCamera, frame), 8},  // twice
+      {section::kCameraPath, offsetof(FrameCamera, camera) + offsetof(shading::Camera, resolution_x_px), 63},
+      {section::kCameraPath, offsetof(FrameCamera, camera) + offsetof(shading::Camera, focal_distance), nan},
       {section::kMeshes, offsetof(Mesh, prim_base), 1},
       {section::kMeshes, offsetof(Mesh, face_count), 0},
       {section::kMeshes, offsetof(Mesh, material), 2},
@@ -258,6 +262,19 @@ TEST_F(StoreTest, each_law_between_the_tables_is_checked_and_the_section_named) 
   }
   set(section::kMeshes, offsetof(Mesh, alpha_texture), 2u);
   EXPECT_NE(Store::open(store_).error().message.find("'meshes', item 0"), std::string::npos);
+}
+
+TEST_F(StoreTest, the_camera_path_is_kept_and_the_contents_have_a_key) {
+  const auto store = Store::open(store_);
+  ASSERT_TRUE(store);
+  ASSERT_EQ(store->camera_path().size(), 2u);
+  EXPECT_EQ(store->camera_path()[1].frame, 8u);
+  EXPECT_EQ(std::memcmp(&store->camera_path()[1].camera, &store->settings().camera, sizeof(shading::Camera)), 0);
+  const std::filesystem::path other = directory_ / "b.store";
+  ASSERT_TRUE(pack_small(other, {directory_ / "a.store" / kManifestFile}));
+  EXPECT_EQ(Store::open(other)->content_key(), store->content_key());  // whatever it was made from
+  set(section::kMaterials, offsetof(Material, eta), 1.25f);
+  EXPECT_NE(Store::open(store_)->content_key(), store->content_key());
 }
 
 TEST_F(StoreTest, missing_and_short_files_are_named) {

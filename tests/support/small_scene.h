@@ -27,9 +27,10 @@ class TemporaryDirectory {
 struct SmallSceneOptions {
   uint32_t max_triangles_per_page = 128;
   uint32_t max_faces_per_attribute_block = 512;
-  pipeline::BuildOptions tree;
+  pipeline::BuildOptions tree{};
   uint32_t resolution_x_px = 48, resolution_y_px = 32;
   uint32_t samples_per_pixel = 4;
+  uint32_t frame_count = 0;  // of a camera path, from frame 1 on; each a little further to the right
 };
 
 // Packs the scene below `directory` and opens it.
