@@ -16,8 +16,11 @@ namespace {
 constexpr size_t kBatchHits = ShadeHitsScratch::kBatchHits;
 constexpr size_t kBlockHits = ShadeHitsScratch::kBlockHits;
 
+constexpr size_t kPrefetch = 8;  // hits ahead, of vertices that lie apart
+
 // What one thread needs to shade a block.
 struct BlockScratch {
+  std::array<cache::TrianglePlace, kBlockHits> places;
   std::array<ShadingPoint, kBlockHits> points;
   std::array<SurfaceQuery, kBlockHits> queries;
   std::vector<SplatRecord> splats;
@@ -89,16 +92,28 @@ class Shader {
     return to.cold.append(std::span<const cache::RecordSpan>(pieces).first(blocks.size()));
   }
 
-  void gather(std::span<const HitRecord> hits, std::span<const std::byte> bytes, BlockScratch& scratch) {
+  // Where the triangles of sorted hits lie: neighbours share a segment.
+  void find_triangles(std::span<const HitRecord> hits, std::span<const std::byte> bytes, BlockScratch& scratch) const {
     uint64_t end_prim = 0;  // of the resident block in `bytes`, when there is none given
+    cache::TrianglePlace place;
     for (size_t i = 0; i < hits.size(); ++i) {
-      const HitRecord& hit = hits[i];
-      if (hit.hit.prim >= end_prim) {
-        const uint32_t block = attributes_.block_of(hit.hit.prim);
+      const uint32_t prim = hits[i].hit.prim;
+      if (prim >= end_prim) {
+        const uint32_t block = attributes_.block_of(prim);
         end_prim = attributes_.end_prim(block);
         if (const auto resident = attributes_.resident(block); !resident.empty()) bytes = resident;
       }
-      const cache::TriangleAttributes triangle = cache::triangle_attributes(bytes, PrimId{hit.hit.prim});
+      scratch.places[i] = place = cache::triangle_place(bytes, PrimId{prim}, place);
+      cache::prefetch_indices(place);
+    }
+  }
+
+  void gather(std::span<const HitRecord> hits, std::span<const std::byte> bytes, BlockScratch& scratch) {
+    find_triangles(hits, bytes, scratch);
+    for (size_t i = 0; i < hits.size(); ++i) {
+      if (i + kPrefetch < hits.size()) cache::prefetch_vertices(scratch.places[i + kPrefetch]);
+      const HitRecord& hit = hits[i];
+      const cache::TriangleAttributes triangle = cache::triangle_attributes(scratch.places[i]);
       Pose moved;
       const InstanceTransform transform = instance_transform(inputs_, hit, moved);
       const uint32_t mesh = triangle.mesh.value;

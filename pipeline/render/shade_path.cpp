@@ -124,12 +124,10 @@ shading::LightReceiver light_receiver(const PathSettings& settings, const Shadin
 
 void next_event(const PathSettings& settings, const HitRecord& hit, const ShadingPoint& point,
                 const SurfaceValues& surface, const shading::LightReceiver& receiver, const shading::Frame& frame,
-                Float3 w_prev_local, ShadedVertex& out) {
+                Float3 w_prev_local, const shading::BouncePoints& points, ShadedVertex& out) {
   if (settings.lights.empty() || !shading::has_continuous_lobe(surface.bsdf)) return;
-  const shading::SampleKey key = sample_key(hit.path, settings.seed, settings.sampler);
-  const Float2 u = shading::sample_2d(key, shading::bounce_slot(hit.path.bounce, shading::kBounceLight));
-  const Float2 select = shading::sample_2d(key, shading::bounce_slot(hit.path.bounce, shading::kBounceLightSelect));
-  const shading::LightSample light = shading::sample_light(settings.lights, receiver, select, u);
+  const shading::LightSample light = shading::sample_light(
+      settings.lights, receiver, points[shading::kBounceLightSelect], points[shading::kBounceLight]);
   if (!(light.pdf_solid_angle > 0) || is_black(light.radiance)) return;
   const shading::BsdfValue f =
       shading::evaluate_bsdf(surface.bsdf, w_prev_local, frame.local_from_world(light.w_next_world));
@@ -157,12 +155,10 @@ bool survives_roulette(PathRecord& path, float u) {
 
 void next_direction(const PathSettings& settings, const HitRecord& hit, const ShadingPoint& point,
                     const SurfaceValues& surface, const shading::LightReceiver& receiver, const shading::Frame& frame,
-                    Float3 w_prev_local, ShadedVertex& out) {
-  const shading::SampleKey key = sample_key(hit.path, settings.seed, settings.sampler);
-  const Float2 u = shading::sample_2d(key, shading::bounce_slot(hit.path.bounce, shading::kBounceBsdf));
-  const Float2 choose =
-      shading::sample_2d(key, shading::bounce_slot(hit.path.bounce, shading::kBounceLobeAndRoulette));
-  const shading::BsdfSample sample = shading::sample_bsdf(surface.bsdf, w_prev_local, u, choose.x);
+                    Float3 w_prev_local, const shading::BouncePoints& points, ShadedVertex& out) {
+  const Float2 choose = points[shading::kBounceLobeAndRoulette];
+  const shading::BsdfSample sample =
+      shading::sample_bsdf(surface.bsdf, w_prev_local, points[shading::kBounceBsdf], choose.x);
   if (is_black(sample.weight)) return;
   PathRecord path = hit.path;
   path.bounce += 1;
@@ -193,8 +189,10 @@ ShadedVertex shade_vertex(const PathSettings& settings, const HitRecord& hit, co
   const Float3 w_prev_local = frame.local_from_world(-hit.direction_world);
   if (w_prev_local.z == 0) return out;
   const shading::LightReceiver receiver = light_receiver(settings, point, surface, frame, w_prev_local);
-  next_event(settings, hit, point, surface, receiver, frame, w_prev_local, out);
-  next_direction(settings, hit, point, surface, receiver, frame, w_prev_local, out);
+  const shading::BouncePoints points =
+      shading::sample_bounce(sample_key(hit.path, settings.seed, settings.sampler), hit.path.bounce);
+  next_event(settings, hit, point, surface, receiver, frame, w_prev_local, points, out);
+  next_direction(settings, hit, point, surface, receiver, frame, w_prev_local, points, out);
   return out;
 }
 
