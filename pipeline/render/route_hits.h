@@ -56,7 +56,9 @@ struct RouteHitsScratch {
 // Where a path collides in its medium, at a distance in world units.
 [[nodiscard]] HitRecord medium_hit(const cache::TraceRay& ray, const PathRecord& path, float distance);
 
+// batch_rays: hits of so many rays are sorted together, one batch after the other; 0: all (see RenderOptions).
 Status route_hits(const PathSettings& settings, const TracedPaths& paths, const TracedShadows& shadows,
-                  cache::ExternalSort<HitRecord>& hits, Film& film, RouteHitsScratch& scratch, RouteHitsReport& report);
+                  cache::ExternalSort<HitRecord>& hits, Film& film, RouteHitsScratch& scratch, RouteHitsReport& report,
+                  uint32_t batch_rays = 0);
 
 }  // namespace spillway::pipeline

@@ -58,11 +58,6 @@ Corners corners_world(const cache::TriangleAttributes& triangle, const InstanceT
   return corners;
 }
 
-bool mirrors(const Affine3& a) {
-  return dot(cross({a.m[0][0], a.m[0][1], a.m[0][2]}, {a.m[1][0], a.m[1][1], a.m[1][2]}),
-             {a.m[2][0], a.m[2][1], a.m[2][2]}) < 0;
-}
-
 }  // namespace
 
 ShadingPoint shading_point(const cache::TriangleAttributes& triangle, const HitRecord& hit,
@@ -71,7 +66,7 @@ ShadingPoint shading_point(const cache::TriangleAttributes& triangle, const HitR
   ShadingPoint point;
   point.position = interpolate(corners.p, hit.hit.u, hit.hit.v);
   Float3 n = normalize(cross(corners.p[1] - corners.p[0], corners.p[2] - corners.p[0]));
-  const bool mirrored = instance.world_from_object != nullptr && mirrors(*instance.world_from_object);
+  const bool mirrored = instance.world_from_object != nullptr && shading::mirrors(*instance.world_from_object);
   if (flip_normals != mirrored) n = -n;
   point.normal_geometric = n;
   point.normal_shading = shading_normal(triangle, hit, instance, n);
@@ -90,15 +85,19 @@ ShadingPoint shading_point(const cache::TriangleAttributes& triangle, const HitR
 namespace {
 
 // The part of an emitter's light that BSDF sampling is credited with.
-bool emission_splat(const PathSettings& settings, const HitRecord& hit, const ShadingPoint& point, uint32_t light,
+bool emission_splat(const PathSettings& settings, const HitRecord& hit, const ShadingPoint& point, uint32_t emitter,
                     SplatRecord& splat) {
-  const shading::Light& emitter = settings.lights.lights[light];
-  const Rgb radiance = shading::triangle_radiance(emitter, hit.direction_world);
+  const shading::LightTable& lights = settings.lights;
+  const uint32_t instance = hit.hit.instance;
+  const shading::TriangleShape shape = shading::emitter_in_world(lights, instance, emitter);
+  const shading::Emission& emission = lights.emissions[lights.emitters[emitter].emission];
+  const Rgb radiance = shading::emitter_radiance(shape, emission, hit.direction_world);
   if (is_black(radiance)) return false;
   float weight = 1;
   if (hit.path.pdf_previous > 0) {
+    const shading::LightReceiver receiver{hit.path.position_previous, hit.path.normal_previous};
     const float pdf_light =
-        shading::triangle_pdf_solid_angle(settings.lights, light, hit.path.position_previous, point.position);
+        shading::emitter_pdf_solid_angle(lights, receiver, instance, emitter, shape, point.position);
     weight = shading::power_heuristic(hit.path.pdf_previous, pdf_light);
   }
   splat = {hit.path.sink, hit.path.sample, emission_event(hit.path.bounce), hit.path.throughput * radiance * weight};
@@ -114,13 +113,20 @@ cache::TraceRay shadow_ray(Float3 origin, const shading::LightSample& sample, fl
   return {origin, 1 - margin, to_light, time};
 }
 
+// Who receives light here, as a tree sees it: a normal on the side that the path came from, where light of the other
+// side is lost. Scenes without a tree do not ask.
+shading::LightReceiver light_receiver(const PathSettings& settings, const ShadingPoint& point, const SurfaceValues& surface,
+                                      const shading::Frame& frame, Float3 w_prev_local) {
+  if (settings.lights.tree.empty() || shading::transmits(surface.bsdf)) return {point.position, 0};
+  return {point.position, shading::pack_receiver_normal(w_prev_local.z < 0 ? -frame.z : frame.z)};
+}
+
 void next_event(const PathSettings& settings, const HitRecord& hit, const ShadingPoint& point,
-                const SurfaceValues& surface, const shading::Frame& frame, Float3 w_prev_local, ShadedVertex& out) {
-  if (settings.lights.lights.empty() || !shading::has_continuous_lobe(surface.bsdf)) return;
-  const shading::SampleKey key = sample_key(hit.path, settings.seed, settings.sampler);
-  const Float2 u = shading::sample_2d(key, shading::bounce_slot(hit.path.bounce, shading::kBounceLight));
-  const Float2 select = shading::sample_2d(key, shading::bounce_slot(hit.path.bounce, shading::kBounceLightSelect));
-  const shading::LightSample light = shading::sample_light(settings.lights, point.position, select.x, u);
+                const SurfaceValues& surface, const shading::LightReceiver& receiver, const shading::Frame& frame,
+                Float3 w_prev_local, const shading::BouncePoints& points, ShadedVertex& out) {
+  if (settings.lights.empty() || !shading::has_continuous_lobe(surface.bsdf)) return;
+  const shading::LightSample light = shading::sample_light(
+      settings.lights, receiver, points[shading::kBounceLightSelect], points[shading::kBounceLight]);
   if (!(light.pdf_solid_angle > 0) || is_black(light.radiance)) return;
   const shading::BsdfValue f =
       shading::evaluate_bsdf(surface.bsdf, w_prev_local, frame.local_from_world(light.w_next_world));
@@ -128,7 +134,8 @@ void next_event(const PathSettings& settings, const HitRecord& hit, const Shadin
   const float weight = light.is_delta ? 1 : shading::power_heuristic(light.pdf_solid_angle, f.pdf_solid_angle);
   const Rgb contribution = hit.path.throughput * f.f_cos * light.radiance * (weight / light.pdf_solid_angle);
   if (is_black(contribution)) return;
-  const Float3 origin = shading::ray_origin(point.position, point.normal_geometric, light.w_next_world);
+  const Float3 origin = shading::ray_origin(point.position, point.normal_geometric, light.w_next_world,
+                                            settings.lights.scene_radius_world);
   out.shadow_ray = shadow_ray(origin, light, point.time);
   if (!(out.shadow_ray.t_max > 0)) return;
   out.shadow = {hit.path.sink, hit.path.sample, medium_beyond(point, light.w_next_world), hit.path.bounce, contribution};
@@ -153,12 +160,11 @@ void spread_cone(PathRecord& path, float pdf_solid_angle) {
 }
 
 void next_direction(const PathSettings& settings, const HitRecord& hit, const ShadingPoint& point,
-                    const SurfaceValues& surface, const shading::Frame& frame, Float3 w_prev_local, ShadedVertex& out) {
-  const shading::SampleKey key = sample_key(hit.path, settings.seed, settings.sampler);
-  const Float2 u = shading::sample_2d(key, shading::bounce_slot(hit.path.bounce, shading::kBounceBsdf));
-  const Float2 choose =
-      shading::sample_2d(key, shading::bounce_slot(hit.path.bounce, shading::kBounceLobeAndRoulette));
-  const shading::BsdfSample sample = shading::sample_bsdf(surface.bsdf, w_prev_local, u, choose.x);
+                    const SurfaceValues& surface, const shading::LightReceiver& receiver, const shading::Frame& frame,
+                    Float3 w_prev_local, const shading::BouncePoints& points, ShadedVertex& out) {
+  const Float2 choose = points[shading::kBounceLobeAndRoulette];
+  const shading::BsdfSample sample =
+      shading::sample_bsdf(surface.bsdf, w_prev_local, points[shading::kBounceBsdf], choose.x);
   if (is_black(sample.weight)) return;
   PathRecord path = hit.path;
   path.bounce += 1;
@@ -166,12 +172,14 @@ void next_direction(const PathSettings& settings, const HitRecord& hit, const Sh
   path.eta_scale *= sample.eta_scale;
   if (!survives_roulette(path, choose.y)) return;
   path.pdf_previous = sample.is_delta ? 0 : sample.pdf_solid_angle;
-  path.position_previous = point.position;
+  path.position_previous = receiver.position_world, path.normal_previous = receiver.packed_normal;
   path.cone_width = point.width_world;
   if (!sample.is_delta) spread_cone(path, sample.pdf_solid_angle);
   const Float3 w_next = frame.world_from_local(sample.w_next_local);
   path.medium = medium_beyond(point, w_next);
-  out.path_ray = {shading::ray_origin(point.position, point.normal_geometric, w_next), INFINITY, w_next, point.time};
+  const Float3 origin =
+      shading::ray_origin(point.position, point.normal_geometric, w_next, settings.lights.scene_radius_world);
+  out.path_ray = {origin, INFINITY, w_next, point.time};
   out.path = path;
   out.has_path = true;
 }
@@ -186,20 +194,22 @@ ShadedVertex shade_vertex(const PathSettings& settings, const HitRecord& hit, co
   const shading::Frame frame = shading::frame_from_z_and_tangent(surface.normal_shading, point.dpdu);
   const Float3 w_prev_local = frame.local_from_world(-hit.direction_world);
   if (w_prev_local.z == 0) return out;
-  next_event(settings, hit, point, surface, frame, w_prev_local, out);
-  next_direction(settings, hit, point, surface, frame, w_prev_local, out);
+  const shading::LightReceiver receiver = light_receiver(settings, point, surface, frame, w_prev_local);
+  const shading::BouncePoints points =
+      shading::sample_bounce(sample_key(hit.path, settings.seed, settings.sampler), hit.path.bounce);
+  next_event(settings, hit, point, surface, receiver, frame, w_prev_local, points, out);
+  next_direction(settings, hit, point, surface, receiver, frame, w_prev_local, points, out);
   return out;
 }
 
 namespace {
 
-void next_event_in_medium(const PathSettings& settings, const HitRecord& hit, float g, float time, ShadedVertex& out) {
-  if (settings.lights.lights.empty()) return;
+void next_event_in_medium(const PathSettings& settings, const HitRecord& hit, float g, float time,
+                          const shading::BouncePoints& points, ShadedVertex& out) {
+  if (settings.lights.empty()) return;
   const Float3 place = hit.path.position_previous;
-  const shading::SampleKey key = sample_key(hit.path, settings.seed, settings.sampler);
-  const Float2 u = shading::sample_2d(key, shading::bounce_slot(hit.path.bounce, shading::kBounceLight));
-  const Float2 select = shading::sample_2d(key, shading::bounce_slot(hit.path.bounce, shading::kBounceLightSelect));
-  const shading::LightSample light = shading::sample_light(settings.lights, place, select.x, u);
+  const shading::LightSample light = shading::sample_light(
+      settings.lights, {place, 0}, points[shading::kBounceLightSelect], points[shading::kBounceLight]);
   if (!(light.pdf_solid_angle > 0) || is_black(light.radiance)) return;
   const float phase = shading::henyey_greenstein(g, dot(hit.direction_world, light.w_next_world));
   const float weight = light.is_delta ? 1 : shading::power_heuristic(light.pdf_solid_angle, phase);
@@ -219,14 +229,13 @@ ShadedVertex shade_medium(const PathSettings& settings, const HitRecord& hit) {
   const float g = settings.media[hit.path.medium].g;
   const shading::SampleKey key = sample_key(hit.path, settings.seed, settings.sampler);
   const float time = ray_time(settings.shutter, key);
-  next_event_in_medium(settings, hit, g, time, out);
-  const Float2 u = shading::sample_2d(key, shading::bounce_slot(hit.path.bounce, shading::kBounceBsdf));
-  const Float2 choose =
-      shading::sample_2d(key, shading::bounce_slot(hit.path.bounce, shading::kBounceLobeAndRoulette));
-  const Float3 w_next = shading::sample_henyey_greenstein(g, hit.direction_world, u);
+  const shading::BouncePoints points = shading::sample_bounce(key, hit.path.bounce);
+  next_event_in_medium(settings, hit, g, time, points, out);
+  const Float3 w_next = shading::sample_henyey_greenstein(g, hit.direction_world, points[shading::kBounceBsdf]);
   out.path = hit.path;
   out.path.bounce += 1;
-  if (!survives_roulette(out.path, choose.y)) return out;
+  out.path.normal_previous = 0;  // receives from all sides
+  if (!survives_roulette(out.path, points[shading::kBounceLobeAndRoulette].y)) return out;
   out.path.pdf_previous = shading::henyey_greenstein(g, dot(hit.direction_world, w_next));
   out.path.cone_width = hit.path.cone_width + hit.path.cone_spread * hit.hit.t * length(hit.direction_world);
   spread_cone(out.path, out.path.pdf_previous);
@@ -258,8 +267,9 @@ bool stopped_by_alpha(const HitRecord& hit, uint32_t seed, float alpha) {
                             hit.hit.prim, event) < alpha;
 }
 
-cache::TraceRay ray_beyond(const HitRecord& hit, const ShadingPoint& point) {
-  const Float3 origin = shading::ray_origin(point.position, point.normal_geometric, hit.direction_world);
+cache::TraceRay ray_beyond(const PathSettings& settings, const HitRecord& hit, const ShadingPoint& point) {
+  const Float3 origin = shading::ray_origin(point.position, point.normal_geometric, hit.direction_world,
+                                            settings.lights.scene_radius_world);
   return {origin, hit.t_max - hit.hit.t, hit.direction_world, point.time};
 }
 

@@ -61,7 +61,7 @@ struct PathSettings {
 struct SurfaceValues {
   shading::BsdfParams bsdf;
   Float3 normal_shading;                // bumped
-  uint32_t light = LightId::kNone;      // of the face, when it emits
+  uint32_t light = LightId::kNone;      // emitter of the face, when it emits
 };
 
 struct ShadedVertex {
@@ -92,7 +92,7 @@ struct ShadedVertex {
 [[nodiscard]] bool stopped_by_alpha(const HitRecord& hit, uint32_t seed, float alpha);
 
 // The same ray, going on behind the point it was let through.
-[[nodiscard]] cache::TraceRay ray_beyond(const HitRecord& hit, const ShadingPoint& point);
+[[nodiscard]] cache::TraceRay ray_beyond(const PathSettings& settings, const HitRecord& hit, const ShadingPoint& point);
 
 [[nodiscard]] inline shading::SampleKey sample_key(const PathRecord& path, uint32_t seed,
                                                    shading::SamplerKind sampler = shading::SamplerKind::sobol) {

@@ -116,7 +116,7 @@ Result<Attributes> read_attributes(const Store& store) {
 TEST_F(MovingScene, shoots_while_the_shutter_is_open) {
   const SceneSettings& settings = store_->settings();
   CameraRays camera(settings.camera, settings.filter, {0, 0, 48, 32}, settings.render.seed,
-                    ray_times(*store_, settings));
+                    settings.render.sampler, ray_times(*store_, settings));
   camera.begin({0, 0, 8});
   std::vector<cache::TraceRay> rays(48 * 32 * 8);
   std::vector<PathRecord> paths(rays.size());
@@ -136,7 +136,7 @@ TEST_F(MovingScene, shades_each_hit_where_and_when_it_was_found) {
   const Result<Attributes> attributes = read_attributes(*store_);
   ASSERT_TRUE(attributes) << attributes.error().message;
   ShadeInputs inputs;
-  inputs.settings = {store_->light_table(), 5, 0, shutter_of(store_->settings())};
+  inputs.settings = {store_->light_table(), 5, 0, shading::SamplerKind::sobol, shutter_of(store_->settings())};
   inputs.instances = store_->instances(), inputs.motions = store_->motions();
   Random random(1);
   int moving = 0;

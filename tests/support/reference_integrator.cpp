@@ -8,6 +8,7 @@
 #include "pipeline/evaluate_texture.h"
 #include "pipeline/render/attribute_store.h"
 #include "pipeline/render/resolve_material.h"
+#include "pipeline/render/select_lights.h"
 #include "pipeline/render/shade_hits.h"
 #include "pipeline/render/route_hits.h"
 #include "pipeline/render/shade_path.h"
@@ -98,7 +99,7 @@ class Walker {
       SPILLWAY_TRY(resolve(hit));
       if (!query_.stopped) {
         path.medium = medium_beyond(point_, ray.direction_world);
-        ray = ray_beyond(hit, point_);
+        ray = ray_beyond(s_.inputs.settings, hit, point_);
         path.cone_width = point_.width_world;
         continue;
       }
@@ -143,7 +144,7 @@ class Walker {
       SPILLWAY_TRY(resolve(hit));
       if (query_.stopped) return {};
       shadow.medium = medium_beyond(point_, ray.direction_world);
-      ray = ray_beyond(hit, point_);
+      ray = ray_beyond(s_.inputs.settings, hit, point_);
     }
   }
 
@@ -173,6 +174,7 @@ struct ReferenceState {
   std::unique_ptr<MaterialResolver> resolver;
   std::unique_ptr<VolumeStore> volumes;
   MediaInputs media;
+  SelectedLights lights;
   ShadeInputs inputs;
 };
 
@@ -187,7 +189,8 @@ Status open(const Store& store, const ReferenceOptions& options, ReferenceState&
   }
   state.evaluator = std::make_unique<TextureEvaluator>(store.textures(), state.textures.get());
   const RenderSettings& render = options.settings.render;
-  state.inputs.settings = {store.light_table(), render.max_depth, render.seed, render.sampler,
+  state.lights = SelectedLights(store, render.light_selection);
+  state.inputs.settings = {state.lights.table(), std::min(render.max_depth, kMostBounces), render.seed, render.sampler,
                            ray_times(store, options.settings).shutter};
   state.inputs.tables = {store.meshes(), store.materials(), state.evaluator.get()};
   state.inputs.instances = store.page_tree().instances;

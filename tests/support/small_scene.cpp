@@ -257,6 +257,21 @@ Status add_dividers(Builder& b, ScenePacker& packer) {
   return add_divider(packer, sphere({1.2f, 0.35f, -1.2f}, 0.3f, 24), glass, 2, 0);
 }
 
+// A lamp head that shines down and a shade that does not, at five places.
+Status add_lamps(Builder& b, ScenePacker& packer) {
+  SPILLWAY_ASSIGN(const MaterialId grey, b.material(MaterialKind::diffuse, constant(0.4f, 0.4f, 0.4f), 0));
+  const uint32_t object = packer.begin_object("lamp");
+  SPILLWAY_TRY(b.mesh(grid({-0.05f, 0, -0.05f}, {0.1f, 0, 0}, {0, 0, 0.1f}, 2), grey, object, {}, {9, 14, 20}));
+  SPILLWAY_TRY(b.mesh(grid({-0.08f, 0.03f, -0.08f}, {0.16f, 0, 0}, {0, 0, 0.16f}, 1), grey, object));
+  for (int i = 0; i < 5; ++i) {
+    Affine3 place;
+    place.m[0][0] = i == 3 ? -1.0f : 1.0f, place.m[2][2] = i == 1 ? 2.5f : 1.0f, place.m[0][1] = i == 4 ? 0.6f : 0.0f;
+    place.m[0][3] = -1.6f + 0.8f * static_cast<float>(i), place.m[1][3] = 1.9f, place.m[2][3] = -0.4f * static_cast<float>(i);
+    SPILLWAY_TRY(packer.add_instance(object, place));
+  }
+  return {};
+}
+
 Status add_everything(ScenePacker& packer, const std::filesystem::path& images, const SmallSceneOptions& options) {
   const bool moves = options.moves;
   Builder b(packer, images);
@@ -269,6 +284,7 @@ Status add_everything(ScenePacker& packer, const std::filesystem::path& images, 
   SPILLWAY_TRY(add_room(b, checked, wave_texture));
   SPILLWAY_TRY(add_objects(b, packer, moves));
   if (options.has_media) SPILLWAY_TRY(add_dividers(b, packer));
+  if (options.has_lamps) SPILLWAY_TRY(add_lamps(b, packer));
   Material fence;
   fence.reflectance = constant(0.2f, 0.5f, 0.2f);
   fence.displacement = wave_texture;

@@ -255,7 +255,7 @@ Status read_integrator(Session& session, const Waiting& waiting, pipeline::Rende
   if (depth < 0) return error_at(waiting.place, "\"maxdepth\" must be at least 0");
   render.max_depth = static_cast<uint32_t>(depth);
   SPILLWAY_ASSIGN(const bool regularize, waiting.params.boolean("regularize", false));
-  render.regularize = regularize;
+  if (regularize) session.warn(waiting.place, "\"regularize\" is not done: materials stay as sharp as they are");
   if (!is_path) return {};  // the rest steers what is not done
   // Which light is chosen when changes noise, not the picture.
   for (const char* name : {"samplelights", "samplebsdf"}) (void)waiting.params.find(ParamType::boolean, name);
