@@ -129,10 +129,11 @@ Result<Affine3> pack_volume(const VolumeInput& volume, const fs::path& bricks_pa
   }));
   if (box.lower[0] > box.upper[0]) box = {{0, 0, 0}, {1, 1, 1}};
   tables.begin_grid(box.lower, box.upper, options.brick_voxels);
-  SPILLWAY_TRY(file.for_each([&](std::span<const std::byte> brick) -> Status {
+  const auto append = [&](std::span<const std::byte> brick) -> Status {
     SPILLWAY_TRY(tables.add_brick(cache::VolumeBrickView(brick), {bricks.size_bytes(), brick.size()}, volume.name));
     return bricks.append(brick);
-  }));
+  };
+  SPILLWAY_TRY(file.for_each(append));
   return medium_from_lattice;
 }
 

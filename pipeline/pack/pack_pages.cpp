@@ -12,6 +12,7 @@
 #include "cache/base/parallel.h"
 #include "cache/base/parallel_status.h"
 #include "pipeline/pack/cluster_pages.h"
+#include "pipeline/pack/bake_micromap.h"
 #include "pipeline/pack/triangle_sets.h"
 
 namespace spillway::pipeline {

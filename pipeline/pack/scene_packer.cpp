@@ -249,6 +249,8 @@ Status ScenePacker::add_checked_mesh(const MeshInput& mesh, bool is_interface) {
 Status ScenePacker::add_subdivision(const SubdivisionInput& subdivision) {
   SPILLWAY_TRY(state_);
   SPILLWAY_TRY(failed(check_mesh(subdivision.cage)));
+  if (!subdivision.cage.material.valid())
+    return failed(error("{}: a subdivided cage without a material is not possible; give it one", subdivision.cage.name));
   auto cage = make_cage(subdivision);
   if (!cage) return failed(cage.error());
   cages_.push_back(std::move(*cage));

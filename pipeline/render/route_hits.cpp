@@ -109,7 +109,10 @@ Status route_hits(const PathSettings& settings, const TracedPaths& paths, const 
       path.throughput *= medium.weight;
       if (medium.distance < INFINITY) ++out.medium_count;
       if (is_black(path.throughput)) return;
-      if (medium.distance < INFINITY) return out.emit(medium_hit(ray, path, medium.distance), scratch);
+      if (medium.distance < INFINITY) {
+        const HitRecord record = medium_hit(ray, path, medium.distance);
+        return out.emit(record, key_of(record, i), scratch);
+      }
     }
     if (hit.prim != PrimId::kNone) {
       const HitRecord record{hit, ray.direction_world, ray.t_max, path, 0};

@@ -242,7 +242,10 @@ Status shade_hits(const ShadeInputs& inputs, cache::ExternalSort<HitRecord>& hit
     return {};
   };
   // Hits of ascending triangles: their blocks follow each other in the file.
-  const auto shade_run = [&](std::span<const HitRecord> run) -> Status {
+  const auto shade_run = [&](std::span<const HitRecord> all) -> Status {
+    const auto [run, in_media] = surfaces_and_media(all);
+    SPILLWAY_TRY(shade_range(in_media, {}));
+    if (run.empty()) return {};
     const bool resident = attributes.parts().all_resident();
     const std::vector<uint32_t> blocks =
         resident && scratch.touched_blocks == nullptr ? std::vector<uint32_t>{} : blocks_touched(run, attributes);
@@ -261,10 +264,8 @@ Status shade_hits(const ShadeInputs& inputs, cache::ExternalSort<HitRecord>& hit
     });
   };
   for (size_t p = 0; p < hits.partition_count(); ++p) {
-    SPILLWAY_ASSIGN(const std::span<const HitRecord> all, hits.partition(p));
+    SPILLWAY_ASSIGN(const std::span<const HitRecord> partition, hits.partition(p));
     ++report.partition_count;
-    const auto [partition, in_media] = surfaces_and_media(all);
-    SPILLWAY_TRY(shade_range(in_media, {}));
     for (size_t first = 0; first < partition.size();) {
       const auto rest = partition.subspan(first);
       const auto end = std::is_sorted_until(
