@@ -79,7 +79,7 @@ TEST(CityEmit, counts_are_exact) {
   for (const uint64_t buildings : {0, 1, 60}) {
     CityOptions options = small_city();
     options.buildings = buildings;
-    if (buildings < 60) options.trees.reset(), options.cars.reset();
+    if (buildings < 60) options.trees.reset(), options.cars.reset(), options.detail_triangles.reset();
     const City city = planned(options);
     HashingSink sink;
     ASSERT_TRUE(city.emit(sink, "sky.exr"));
@@ -89,6 +89,18 @@ TEST(CityEmit, counts_are_exact) {
     EXPECT_EQ(sink.emitting, counts.light_triangles);
     EXPECT_EQ(counts.instances, counts.street_lights + counts.trees + counts.cars + counts.sea_tiles);
   }
+}
+
+TEST(CityEmit, counts_are_exact_with_instanced_buildings) {
+  CityOptions options = small_city();
+  options.unique = 0.25;
+  const City city = planned(options);
+  HashingSink sink;
+  ASSERT_TRUE(city.emit(sink, "sky.exr"));
+  const CityCounts& counts = city.counts();
+  EXPECT_GT(counts.instanced_buildings, 20u);
+  EXPECT_EQ(sink.triangle_count, counts.unique_triangles());
+  EXPECT_EQ(sink.instances.size(), counts.instances);
 }
 
 TEST(CityEmit, detail_is_the_mean_of_a_building) {

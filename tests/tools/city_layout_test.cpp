@@ -62,6 +62,27 @@ TEST(CityLayout, footprints_do_not_intersect) {
   }
 }
 
+TEST(CityLayout, instanced_buildings_stand_as_apart_as_others) {
+  CityOptions options;
+  options.buildings = 1500, options.unique = 0.2, options.seed = 6;
+  const Result<City> city = City::plan(options);
+  ASSERT_TRUE(city) << city.error().message;
+  EXPECT_GT(city->counts().instanced_buildings, 600u);
+  EXPECT_LT(city->counts().instanced_buildings, 1300u);
+  std::vector<Polygon> footprints;
+  for (size_t i = 0; i < city->block_count(); ++i) {
+    const City::Contents c = city->contents(i);
+    for (size_t a = 0; a < c.buildings.size(); ++a) {
+      footprints.push_back(c.buildings[a].footprint);
+      for (size_t b = 0; b < a; ++b)
+        if (adjacent(c.lots[a], c.lots[b])) {
+          EXPECT_NE(c.buildings[a].wall, c.buildings[b].wall);
+        }
+    }
+  }
+  visit_near(footprints, [&](size_t a, size_t b) { EXPECT_FALSE(intersect(footprints[a], footprints[b])); });
+}
+
 TEST(CityLayout, overlaps_would_be_noticed) {
   const Polygon a = rectangle({0, 0}, {1, 0}, 4, 3);
   EXPECT_TRUE(intersect(a, rectangle({3.99, 1}, {1, 0}, 4, 3)));

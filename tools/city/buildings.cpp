@@ -4,6 +4,7 @@
 #include <array>
 #include <span>
 
+#include "tools/city/prototype_buildings.h"
 #include "tools/city/random.h"
 
 namespace spillway::tools::city {
@@ -166,21 +167,26 @@ Surface pick(const std::array<Surface, n>& from, Random& random) {
   return from[random.below(n)];
 }
 
+// Floors within what the kind and the ground allow, and materials.
+void finish_design(Building& building, int floors, Random& random) {
+  const Traits& t = traits(building.kind);
+  const double slender = std::sqrt(area(building.footprint));  // no towers on kiosks
+  const int most = std::min(t.most_floors, static_cast<int>(slender * 7.5 / t.floor_m));
+  building.floors = std::clamp(floors, t.least_floors, std::max(most, t.least_floors));
+  building.floor_m = t.floor_m * random.between(0.95, 1.08);
+  building.wall = pick(t.walls, random), building.trim = pick(t.trims, random);
+  building.roof = pick(t.roofs, random), building.glass = pick(t.glass, random);
+}
+
 Building draw_building(const Block& block, const Lot& lot, const StreetPlanOptions& plan, uint64_t key) {
   Random random(key);
   const Kind kind = kind_for(lot, block.district, random);
   Building building = kind == Kind::count ? small_building(lot) : Building{};
   if (kind != Kind::count) building.kind = kind, building.footprint = footprint_of(traits(kind), lot);
-  const Traits& t = traits(building.kind);
   building.district = block.district;
   building.key = key;
   const double r = centrality_radius(plan, centroid(block.cell));
-  building.floors = std::clamp(floors_of(block.district, r, random), t.least_floors, t.most_floors);
-  const double slender = std::sqrt(area(building.footprint));  // no towers on kiosks
-  building.floors = std::max(t.least_floors, std::min(building.floors, static_cast<int>(slender * 7.5 / t.floor_m)));
-  building.floor_m = t.floor_m * random.between(0.95, 1.08);
-  building.wall = pick(t.walls, random), building.trim = pick(t.trims, random);
-  building.roof = pick(t.roofs, random), building.glass = pick(t.glass, random);
+  finish_design(building, floors_of(block.district, r, random), random);
   return building;
 }
 
@@ -194,21 +200,57 @@ const char* name(Kind kind) { return traits(kind).name; }
 
 bool adjacent(const Lot& a, const Lot& b) { return distance_between(a.polygon, b.polygon) < 0.01; }
 
-std::vector<Building> plan_buildings(const Block& block, const std::vector<Lot>& lots, const StreetPlanOptions& plan) {
+std::vector<Building> design_buildings(uint64_t seed) {
+  std::vector<Building> designs;
+  for (size_t k = 0; k < kKindCount; ++k)
+    for (size_t i = 0; i < kDesignsOfKind; ++i) {
+      Building design;
+      design.kind = static_cast<Kind>(k);
+      design.key = key_of(key_of(seed, 0xde51), designs.size());
+      const Traits& t = traits(design.kind);
+      Random random(design.key);
+      const double larger = static_cast<double>(i) / kDesignsOfKind;
+      const double width = t.least_width_m * (1.02 + 0.8 * larger), depth = t.least_depth_m * (1.02 + 0.8 * larger);
+      design.footprint = rectangle({0, 0}, {1, 0}, width, std::min(depth, t.most_depth_m));
+      const double tall = random.unit();
+      finish_design(design, t.least_floors + static_cast<int>((t.most_floors - t.least_floors) * tall * tall), random);
+      designs.push_back(std::move(design));
+    }
+  return designs;
+}
+
+Polygon design_ground(Kind kind, const Lot& lot) {
+  const Traits& t = traits(kind);
+  return front_rectangle(lot.polygon, t.setback_m, t.margin_m, t.most_depth_m);
+}
+
+Building placed(const Building& design, size_t number, const Polygon& ground) {
+  Building building = design;
+  const Vec2 along = normalize(ground[1].at - ground[0].at);
+  const double spare = length(ground[1].at - ground[0].at) - design.width_m();
+  building.footprint = rectangle(ground[0].at + along * (spare / 2), along, design.width_m(), design.depth_m());
+  building.design = static_cast<uint32_t>(number);
+  return building;
+}
+
+std::vector<Building> plan_buildings(const Block& block, const std::vector<Lot>& lots, const BuildingPlan& plan) {
   std::vector<Building> buildings;
   for (size_t i = 0; i < lots.size(); ++i) {
     std::vector<size_t> neighbours;
     for (size_t j = 0; j < i; ++j)
       if (adjacent(lots[i], lots[j])) neighbours.push_back(j);
+    const auto repeats = [&](const Building& drawn) {
+      return std::any_of(neighbours.begin(), neighbours.end(), [&](size_t j) { return alike(drawn, buildings[j]); });
+    };
     // Draws again until no neighbour is alike. Eight walls and at most some six neighbours that came before.
-    for (uint64_t attempt = 0;; ++attempt) {
-      Building drawn = draw_building(block, lots[i], plan, key_of(lots[i].key, attempt));
-      const bool repeats = std::any_of(neighbours.begin(), neighbours.end(),
-                                       [&](size_t j) { return alike(drawn, buildings[j]); });
-      if (repeats && attempt < 64) continue;
-      buildings.push_back(std::move(drawn));
-      break;
+    Building drawn = draw_building(block, lots[i], plan.streets, lots[i].key);
+    for (uint64_t attempt = 1; repeats(drawn) && attempt < 64; ++attempt)
+      drawn = draw_building(block, lots[i], plan.streets, key_of(lots[i].key, attempt));
+    if (Random(key_of(lots[i].key, 0x0a1)).unit() >= plan.unique) {
+      const std::optional<Building> design = place_design(plan.designs, drawn, lots[i], repeats);
+      if (design) drawn = *design;
     }
+    buildings.push_back(std::move(drawn));
   }
   return buildings;
 }

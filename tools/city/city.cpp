@@ -4,6 +4,7 @@
 
 #include "cache/base/parallel.h"
 #include "tools/city/ground.h"
+#include "tools/city/prototype_buildings.h"
 #include "tools/city/random.h"
 
 namespace spillway::tools::city {
@@ -37,19 +38,38 @@ uint64_t spread_until(uint64_t count, uint64_t cumulative, uint64_t whole) {
   return whole == 0 ? 0 : count / whole * cumulative + count % whole * cumulative / whole;
 }
 
+}  // namespace
+
 Ground ground_of(const Building& building, const Terrain& terrain) {
   return {terrain.highest(building.footprint) + kKerbHeight_m + 0.12, terrain.lowest(building.footprint) - 0.6};
 }
 
-}  // namespace
-
 Result<City> City::plan(const CityOptions& options) {
-  if (options.buildings > kMostBuildings)
-    return error("{} buildings: at most {} can be planned", options.buildings, kMostBuildings);
-  double radius = std::max(kLeastRadius_m, std::sqrt(static_cast<double>(options.buildings) * kBuildingGround_m2 / M_PI));
+  if (options.geometry_bytes == 0) return plan_once(options);
+  // What a building takes is known once a city has been planned: from there it is a rule of three, and once more.
+  CityOptions wanted = options;
+  const bool by_detail = options.buildings && !options.detail_triangles;
+  for (int attempt = 0;; ++attempt) {
+    SPILLWAY_ASSIGN(City city, plan_once(wanted));
+    const double ratio = static_cast<double>(options.geometry_bytes) / static_cast<double>(city.predicted_store_bytes());
+    if (std::fabs(ratio - 1) < 0.02 || attempt == 4) {
+      if (std::fabs(ratio - 1) < 0.1) return city;
+      return error("--geometry of {:.2f} GiB: a city with these counts takes {:.2f} GiB; leave --buildings or --detail open",
+                   static_cast<double>(options.geometry_bytes) / 0x1p30, static_cast<double>(city.predicted_store_bytes()) / 0x1p30);
+    }
+    if (options.buildings && options.detail_triangles) attempt = 3;  // nothing is left to choose
+    else if (by_detail) wanted.detail_triangles = std::max(1.0, wanted.detail_triangles.value_or(kUsualDetail) * ratio);
+    else wanted.buildings = static_cast<uint64_t>(std::llround(static_cast<double>(city.counts().buildings) * ratio));
+  }
+}
+
+Result<City> City::plan_once(const CityOptions& options) {
+  const uint64_t count = options.buildings.value_or(kUsualBuildings);
+  if (count > kMostBuildings) return error("{} buildings: at most {} can be planned", count, kMostBuildings);
+  double radius = std::max(kLeastRadius_m, std::sqrt(static_cast<double>(count) * kBuildingGround_m2 / M_PI));
   for (int attempt = 0; attempt < 16; ++attempt) {
     City city(options, Terrain({options.hills, options.bay, radius, options.seed}));
-    city.plan_options_ = {options.seed, radius};
+    city.plan_options_ = {{options.seed, radius}, options.unique, options.unique < 1 ? design_buildings(options.seed) : std::vector<Building>{}};
     city.build_options_.time = options.time;
     const std::optional<double> reach = city.lay_out();
     // Districts lie at parts of the radius, so that it must be where the buildings end.
@@ -59,16 +79,16 @@ Result<City> City::plan(const CityOptions& options) {
       continue;
     }
     SPILLWAY_TRY(city.furnish());
-    city.calibrate_detail();
+    SPILLWAY_TRY(city.calibrate_detail());
     city.survey();
     return city;
   }
-  return error("{} buildings found no room; try another seed", options.buildings);
+  return error("{} buildings found no room; try another seed", count);
 }
 
 // Takes the blocks nearest to the centre that hold the buildings. Returns how far they reach; none when the land is too small.
 std::optional<double> City::lay_out() {
-  blocks_ = street_plan(plan_options_, terrain_);
+  blocks_ = street_plan(plan_options_.streets, terrain_);
   std::vector<uint64_t> lots(blocks_.size());
   parallel_blocks(blocks_.size(), 16, [&](size_t, size_t first, size_t last) {
     for (size_t i = first; i < last; ++i) lots[i] = make_lots(blocks_[i]).size();
@@ -76,13 +96,13 @@ std::optional<double> City::lay_out() {
   uint64_t built = 0;
   size_t taken = 0;
   std::vector<std::pair<Block, Row>> kept;
-  for (; taken < blocks_.size() && built < options_.buildings; ++taken) {
+  for (; taken < blocks_.size() && built < building_count(); ++taken) {
     Row row;
-    row.buildings = std::min(lots[taken], options_.buildings - built);
+    row.buildings = std::min(lots[taken], building_count() - built);
     built += row.buildings;
     kept.emplace_back(std::move(blocks_[taken]), row);
   }
-  if (built < options_.buildings) return std::nullopt;
+  if (built < building_count()) return std::nullopt;
   const double reach = kept.empty() ? radius_m() : kept.back().first.remoteness;
   std::stable_sort(kept.begin(), kept.end(), [&](const auto& a, const auto& b) {
     return morton(centroid(a.first.cell), radius_m()) < morton(centroid(b.first.cell), radius_m());
@@ -101,17 +121,17 @@ Status City::furnish() {
   for (const Room& room : rooms)
     whole.kerb_cm += room.kerb_cm, whole.tree_count += room.tree_count, whole.car_count += room.car_count;
   const uint64_t most_lamps = whole.kerb_cm / kLampSpacing_cm, most_trees = 3 * whole.tree_count;
-  const auto usual_lamps = static_cast<uint64_t>(std::llround(static_cast<double>(options_.buildings) * kLampRatio));
+  const auto usual_lamps = static_cast<uint64_t>(std::llround(static_cast<double>(building_count()) * kLampRatio));
   const uint64_t lamp_count = options_.street_lights.value_or(std::min(usual_lamps, most_lamps));
   const uint64_t tree_count = options_.trees.value_or(whole.tree_count * 4 / 5);
   const uint64_t car_count = options_.cars.value_or(whole.car_count * 11 / 20);
   if (lamp_count > most_lamps)
     return error("{} street lights: the kerbs of {} buildings are {} m long and take at most {}", lamp_count,
-                 options_.buildings, whole.kerb_cm / 100, most_lamps);
+                 building_count(), whole.kerb_cm / 100, most_lamps);
   if (tree_count > most_trees)
-    return error("{} trees: a city of {} buildings has room for at most {}", tree_count, options_.buildings, most_trees);
+    return error("{} trees: a city of {} buildings has room for at most {}", tree_count, building_count(), most_trees);
   if (car_count > whole.car_count)
-    return error("{} cars: the streets of {} buildings have {} places", car_count, options_.buildings, whole.car_count);
+    return error("{} cars: the streets of {} buildings have {} places", car_count, building_count(), whole.car_count);
   Room sum;
   for (size_t i = 0; i < rows_.size(); ++i) {
     const Room before = sum;
@@ -162,17 +182,24 @@ uint64_t City::sample_triangles(double detail) const {
   return houses == 0 ? 0 : sum / houses;
 }
 
-void City::calibrate_detail() {
+Status City::calibrate_detail() {
+  const double wanted = options_.detail_triangles.value_or(kUsualDetail);
+  const uint64_t least = sample_triangles(0), most = sample_triangles(kMostDetail);
+  const bool is_out = wanted < 0.8 * static_cast<double>(least) || wanted > 1.25 * static_cast<double>(most);
+  if (options_.detail_triangles && is_out && building_count() > 0)
+    return error("{:.0f} triangles a building: these {} buildings can have {} to {}", wanted, building_count(), least, most);
   double low = 0, high = kMostDetail;
   for (int i = 0; i < 9; ++i) {
     const double middle = (low + high) / 2;
-    (static_cast<double>(sample_triangles(middle)) < options_.detail_triangles ? low : high) = middle;
+    (static_cast<double>(sample_triangles(middle)) < wanted ? low : high) = middle;
   }
   build_options_.detail = (low + high) / 2;
+  return {};
 }
 
 void City::make_buildings(Geometry& g, const Contents& contents) const {
-  for (const Building& b : contents.buildings) build(g, b, ground_of(b, terrain_), build_options_);
+  for (const Building& b : contents.buildings)
+    if (b.design == kNoDesign) build(g, b, ground_of(b, terrain_), build_options_);
 }
 
 void City::make_ground(Geometry& g, size_t index, const Contents& contents) const {
@@ -197,6 +224,7 @@ CityCounts City::count_block(size_t index, const ByPrototype<uint64_t>& sizes) {
   for (const Standing& s : contents.trees) c.instanced_triangles += sizes.trees[s.kind][s.variant];
   for (const Standing& s : contents.cars) c.instanced_triangles += sizes.cars[s.kind][s.variant];
   for (const Building& b : contents.buildings) {
+    if (b.design != kNoDesign) ++c.instanced_buildings, c.instanced_triangles += sizes.buildings[b.design];
     ++c.kinds[static_cast<size_t>(b.kind)], ++c.districts[static_cast<size_t>(b.district)];
     c.floors += static_cast<uint64_t>(b.floors);
   }
@@ -212,14 +240,14 @@ void City::survey() {
   });
   for (const CityCounts& c : parts) {
     for (const auto member : {&CityCounts::building_triangles, &CityCounts::ground_triangles, &CityCounts::light_triangles,
-                              &CityCounts::lots, &CityCounts::buildings, &CityCounts::street_lights, &CityCounts::trees,
+                              &CityCounts::lots, &CityCounts::buildings, &CityCounts::instanced_buildings, &CityCounts::street_lights, &CityCounts::trees,
                               &CityCounts::cars, &CityCounts::floors, &CityCounts::instanced_triangles})
       counts_.*member += c.*member;
     for (size_t i = 0; i < kKindCount; ++i) counts_.kinds[i] += c.kinds[i];
     for (size_t i = 0; i < counts_.districts.size(); ++i) counts_.districts[i] += c.districts[i];
   }
   counts_.blocks = blocks_.size();
-  counts_.instances = counts_.street_lights + counts_.trees + counts_.cars + counts_.sea_tiles;
+  counts_.instances = counts_.street_lights + counts_.trees + counts_.cars + counts_.sea_tiles + counts_.instanced_buildings;
   count_land();
   cut_tiles();
 }
@@ -236,9 +264,12 @@ void City::cut_tiles() {
 }
 
 uint64_t City::predicted_store_bytes() const {
-  // Trace pages and attribute blocks as measured on cities; see bench/RESULTS.md.
-  constexpr double kBytesPerTriangle = 49.6 + 19.5;
-  return static_cast<uint64_t>(static_cast<double>(counts_.unique_triangles()) * kBytesPerTriangle) + counts_.instances * 112;
+  // Measured on cities of 6,000 buildings by day and by night: pages 58.1 and attribute blocks 19.6 bytes a triangle, the
+  // manifest's rows of instances and lights 165 and 85.
+  constexpr double kPerTriangle = 77.7, kPerInstance = 165, kPerLight = 85;
+  return static_cast<uint64_t>(static_cast<double>(counts_.unique_triangles()) * kPerTriangle +
+                               static_cast<double>(counts_.instances) * kPerInstance +
+                               static_cast<double>(counts_.light_triangles) * kPerLight);
 }
 
 }  // namespace spillway::tools::city

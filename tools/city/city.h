@@ -20,16 +20,22 @@
 
 namespace spillway::tools::city {
 
+inline constexpr double kUsualDetail = 1900;
+inline constexpr uint32_t kFlightFrames = 240;
+inline constexpr uint64_t kUsualBuildings = 1000;
+
 struct CityOptions {
-  uint64_t buildings = 1000;
+  std::optional<uint64_t> buildings;         // else kUsualBuildings
   std::optional<uint64_t> street_lights;     // else 216 for 83 buildings, as in the city that is the measure
   std::optional<uint64_t> trees, cars;       // else what there is room for, in parts
   uint64_t seed = 1;
-  double detail_triangles = 1900;            // mean of a building
+  std::optional<double> detail_triangles;    // mean of a building; else kUsualDetail, or what comes nearest
+  double unique = 1;                         // share of buildings with geometry of their own; the others are instances
+  uint64_t geometry_bytes = 0;               // of the store; 0: what comes of it. Else the buildings, or their detail, follow
   bool hills = true, bay = true;
   TimeOfDay time = TimeOfDay::day;
   CameraKind camera = CameraKind::aerial;
-  double flight_part = 0;                    // 0 to 1
+  uint32_t first_frame = 1, last_frame = 1;  // of a flight of kFlightFrames
 };
 
 // Exact: counted by making everything once.
@@ -38,6 +44,7 @@ struct CityCounts {
   std::array<uint64_t, kKindCount> kinds{};
   std::array<uint64_t, static_cast<size_t>(District::count)> districts{};  // buildings
   uint64_t floors = 0;              // of all buildings
+  uint64_t instanced_buildings = 0;  // of all buildings
   uint64_t building_triangles = 0, ground_triangles = 0, light_triangles = 0, prototype_triangles = 0;
   uint64_t meshes = 0, instances = 0, instanced_triangles = 0;
   [[nodiscard]] uint64_t unique_triangles() const { return building_triangles + ground_triangles + prototype_triangles; }
@@ -51,7 +58,7 @@ class City {
   [[nodiscard]] const CityCounts& counts() const { return counts_; }
   [[nodiscard]] double radius_m() const { return terrain_.radius_m(); }
   [[nodiscard]] double detail() const { return build_options_.detail; }
-  [[nodiscard]] View view(CameraKind kind, double part) const { return view_of(kind, part, blocks_, terrain_); }
+  [[nodiscard]] View view(uint32_t frame) const;
   // Of geometry, as packed, from the counts; within some percent.
   [[nodiscard]] uint64_t predicted_store_bytes() const;
 
@@ -78,10 +85,12 @@ class City {
   using Objects = ByPrototype<uint32_t>;
   struct Made;
 
+  [[nodiscard]] uint64_t building_count() const { return options_.buildings.value_or(kUsualBuildings); }
   City(const CityOptions& options, const Terrain& terrain) : options_(options), terrain_(terrain) {}
   std::optional<double> lay_out();
   Status furnish();
-  void calibrate_detail();
+  static Result<City> plan_once(const CityOptions& options);
+  Status calibrate_detail();
   void survey();
   void make_buildings(Geometry& g, const Contents& contents) const;
   void make_ground(Geometry& g, size_t index, const Contents& contents) const;
@@ -92,6 +101,8 @@ class City {
   void count_land();
   [[nodiscard]] CityCounts count_block(size_t index, const ByPrototype<uint64_t>& sizes);
   void cut_tiles();
+  [[nodiscard]] BuildOptions design_options() const;
+  void emit_cameras(pipeline::SceneSink& sink) const;
   Status emit_prototypes(pipeline::SceneSink& sink, Objects& objects) const;
   Status emit_tiles(pipeline::SceneSink& sink, const Objects& objects) const;
   [[nodiscard]] Made make_tile(size_t tile) const;
@@ -100,7 +111,7 @@ class City {
   CityOptions options_;
   Terrain terrain_;
   BuildOptions build_options_;
-  StreetPlanOptions plan_options_;
+  BuildingPlan plan_options_;
   std::vector<Block> blocks_;
   std::vector<Row> rows_;
   std::vector<Tile> tiles_;

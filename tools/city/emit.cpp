@@ -15,6 +15,7 @@ namespace spillway::tools::city {
 namespace {
 
 constexpr int kLandParts = 16;
+constexpr double kFoundation_m = -7;  // of designs, which stand on slopes of any kind
 
 Affine3 affine(const Frame& frame, double scale) {
   const auto x = static_cast<float>(frame.x_axis.x * scale), y = static_cast<float>(frame.x_axis.y * scale);
@@ -58,6 +59,11 @@ uint64_t mesh_count(const Geometry& g) {
   return count;
 }
 
+Standing standing_design(const Building& b, const Terrain& terrain) {
+  const Vec2 corner = b.footprint[0].at;
+  return {{{corner.x, corner.y, ground_of(b, terrain).floor_z}, normalize(b.footprint[1].at - corner)}, 1, b.design, 0};
+}
+
 template <class Make>
 Geometry made(Geometry::Mode mode, const Make& make) {
   Geometry g(mode);
@@ -69,12 +75,13 @@ Geometry made(Geometry::Mode mode, const Make& make) {
 
 struct City::Made {
   Geometry geometry;
-  std::vector<Standing> lamps, trees, cars;
+  std::vector<Standing> lamps, trees, cars, buildings;  // kind of a building: its design
 };
 
 // Calls visit(name, member, make) for each prototype that stands somewhere; member is its place in a ByPrototype.
 template <class Numbers, class Visit>
-Status visit_prototypes(const CityCounts& counts, Numbers& numbers, const Visit& visit) {
+Status visit_prototypes(const CityCounts& counts, const std::vector<Building>& designs, const BuildOptions& options,
+                        Numbers& numbers, const Visit& visit) {
   for (size_t k = 0; k < kLampKinds && counts.street_lights > 0; ++k)
     SPILLWAY_TRY(visit(fmt::format("lamp{}", k), numbers.lamps[k], [k](Geometry& g) { lamp_post(g, static_cast<LampKind>(k)); }));
   for (size_t k = 0; k < kTreeKinds && counts.trees > 0; ++k)
@@ -85,12 +92,23 @@ Status visit_prototypes(const CityCounts& counts, Numbers& numbers, const Visit&
     for (size_t v = 0; v < kCarPaints; ++v)
       SPILLWAY_TRY(visit(fmt::format("car{}_{}", k, v), numbers.cars[k][v],
                          [k, v](Geometry& g) { car(g, static_cast<CarKind>(k), static_cast<int>(v)); }));
-  if (counts.sea_tiles == 0) return {};
-  return visit("sea", numbers.sea, sea_tile);
+  if (counts.sea_tiles > 0) SPILLWAY_TRY(visit("sea", numbers.sea, sea_tile));
+  numbers.buildings.resize(designs.size());
+  for (size_t i = 0; i < designs.size(); ++i)
+    SPILLWAY_TRY(visit(fmt::format("{}{}", name(designs[i].kind), i), numbers.buildings[i],
+                       [&](Geometry& g) { build(g, designs[i], {0, kFoundation_m}, options); }));
+  return {};
+}
+
+// What is instanced does not shine yet: lights have their own places.
+BuildOptions City::design_options() const {
+  BuildOptions options = build_options_;
+  options.time = TimeOfDay::day;
+  return options;
 }
 
 Status City::emit_prototypes(pipeline::SceneSink& sink, Objects& objects) const {
-  return visit_prototypes(counts_, objects, [&](const std::string& name, uint32_t& object, const auto& make) {
+  return visit_prototypes(counts_, plan_options_.designs, design_options(), objects, [&](const std::string& name, uint32_t& object, const auto& make) {
     object = sink.begin_object(name);
     Geometry g = made(Geometry::Mode::keep, make);
     if (g.mesh(Surface::water).normals.empty()) g.weld();
@@ -104,7 +122,7 @@ ByPrototype<uint64_t> City::count_prototypes() {
   all.street_lights = all.trees = all.cars = 0;
   for (const Row& row : rows_) all.street_lights += row.lamps, all.trees += row.trees, all.cars += row.cars;
   all.sea_tiles = counts_.sea_tiles = sea_places(terrain_).size();
-  const Status counted = visit_prototypes(all, sizes, [&](const std::string&, uint64_t& size, const auto& make) -> Status {
+  const Status counted = visit_prototypes(all, plan_options_.designs, design_options(), sizes, [&](const std::string&, uint64_t& size, const auto& make) -> Status {
     const Geometry g = made(Geometry::Mode::count, make);
     size = g.triangle_count();
     counts_.prototype_triangles += size, counts_.meshes += mesh_count(g);
@@ -117,7 +135,7 @@ ByPrototype<uint64_t> City::count_prototypes() {
 
 void City::make_land(Geometry& g, int part) const {
   land(g, terrain_, options_.seed, part, kLandParts);
-  if (options_.buildings > 0) waterfront(g, terrain_, options_.seed, options_.time, part, kLandParts);
+  if (building_count() > 0) waterfront(g, terrain_, options_.seed, options_.time, part, kLandParts);
 }
 
 void City::count_land() {
@@ -138,6 +156,8 @@ City::Made City::make_tile(size_t tile) const {
     make_ground(made.geometry, i, contents);
     made.lamps.insert(made.lamps.end(), contents.lamps.begin(), contents.lamps.end());
     made.trees.insert(made.trees.end(), contents.trees.begin(), contents.trees.end());
+    for (const Building& b : contents.buildings)
+      if (b.design != kNoDesign) made.buildings.push_back(standing_design(b, terrain_));
     made.cars.insert(made.cars.end(), contents.cars.begin(), contents.cars.end());
   }
   made.geometry.weld();
@@ -152,6 +172,7 @@ Status City::emit_tiles(pipeline::SceneSink& sink, const Objects& objects) const
     for (const Standing& s : tile.lamps) SPILLWAY_TRY(sink.add_instance(objects.lamps[s.kind], affine(s.frame, s.scale)));
     for (const Standing& s : tile.trees) SPILLWAY_TRY(sink.add_instance(objects.trees[s.kind][s.variant], affine(s.frame, s.scale)));
     for (const Standing& s : tile.cars) SPILLWAY_TRY(sink.add_instance(objects.cars[s.kind][s.variant], affine(s.frame, s.scale)));
+    for (const Standing& s : tile.buildings) SPILLWAY_TRY(sink.add_instance(objects.buildings[s.kind], affine(s.frame, s.scale)));
     return {};
   };
   using Handed = std::shared_ptr<Made>;
@@ -181,13 +202,26 @@ Status City::emit_land(pipeline::SceneSink& sink, const Objects& objects) const 
   return {};
 }
 
+View City::view(uint32_t frame) const {
+  return view_of(options_.camera, static_cast<double>(frame - 1) / (kFlightFrames - 1), blocks_, terrain_);
+}
+
+void City::emit_cameras(pipeline::SceneSink& sink) const {
+  sink.set_settings(settings_of(view(options_.first_frame)));
+  if (options_.last_frame == options_.first_frame) return;
+  std::vector<shading::Camera> cameras;
+  for (uint32_t frame = options_.first_frame; frame <= options_.last_frame; ++frame)
+    cameras.push_back(settings_of(view(frame)).camera);
+  sink.set_camera_path(options_.first_frame, cameras);
+}
+
 Status City::emit(pipeline::SceneSink& sink, const std::filesystem::path& sky) const {
   for (size_t s = 0; s < kSurfaceCount; ++s) {
     const auto surface = static_cast<Surface>(s);
     SPILLWAY_ASSIGN(const MaterialId id, sink.add_material(material_of(surface), std::string(name(surface))));
     if (id.value != s) return error("material {} was given number {}", name(surface), id.value);
   }
-  sink.set_settings(settings_of(view(options_.camera, options_.flight_part)));
+  emit_cameras(sink);
   SPILLWAY_TRY(add_light(sink, options_.time, sky));
   Objects objects;
   SPILLWAY_TRY(emit_prototypes(sink, objects));

@@ -15,6 +15,7 @@ std::string manifest_json(const City& city, const CityOptions& options) {
       {"kind", "spillway city"},
       {"seed", options.seed},
       {"buildings", c.buildings},
+      {"buildings_instanced", c.instanced_buildings},
       {"blocks", c.blocks},
       {"lots", c.lots},
       {"floors", c.floors},
@@ -39,7 +40,8 @@ std::string manifest_json(const City& city, const CityOptions& options) {
 
 std::string describe(const City& city) {
   const CityCounts& c = city.counts();
-  const double mean = c.buildings == 0 ? 0 : static_cast<double>(c.building_triangles) / static_cast<double>(c.buildings);
+  const uint64_t own = c.buildings - c.instanced_buildings;
+  const double mean = own == 0 ? 0 : static_cast<double>(c.building_triangles) / static_cast<double>(own);
   return fmt::format(
       "{} buildings on {} blocks within {:.1f} km, {:.0f} triangles each; {} street lights, {} trees, {} cars\n"
       "{} unique triangles, {} more by {} instances, {} that emit light\n"

@@ -4,6 +4,7 @@
 
 #include "tools/city/buildings.h"
 #include "tools/city/geometry.h"
+#include "tools/city/terrain.h"
 
 namespace spillway::tools::city {
 
@@ -16,6 +17,8 @@ struct Ground {
   double floor_z = 0;  // of the ground floor
   double foot_z = 0;   // where the foundation ends, below the lowest ground
 };
+
+[[nodiscard]] Ground ground_of(const Building& building, const Terrain& terrain);
 
 void build(Geometry& g, const Building& building, const Ground& ground, const BuildOptions& options);
 

@@ -200,10 +200,19 @@ Status PbrtSink::finish() {
   for (const Object& object : objects_) objects += fmt::format("ObjectBegin \"{}\"\n{}ObjectEnd\n", object.name, object.text);
   SPILLWAY_TRY(write_whole("objects.pbrt", objects));
   SPILLWAY_TRY(write_whole("materials.pbrt", materials_));
-  std::string main = settings_text(settings_) + "\nWorldBegin\n" + lights_ + "Include \"materials.pbrt\"\n";
+  for (size_t i = 0; i < cameras_.size(); ++i) {
+    pipeline::SceneSettings settings = settings_;
+    settings.camera = cameras_[i];
+    SPILLWAY_TRY(write_main(fmt::format("{}.{:04}.pbrt", main_name_, first_frame_ + i), settings));
+  }
+  return write_main(main_name_ + ".pbrt", settings_);
+}
+
+Status PbrtSink::write_main(const std::string& name, const pipeline::SceneSettings& settings) {
+  std::string main = settings_text(settings) + "\nWorldBegin\n" + lights_ + "Include \"materials.pbrt\"\n";
   if (!objects_.empty()) main += "Include \"objects.pbrt\"\n";
   main += "Include \"geometry.pbrt\"\nInclude \"instances.pbrt\"\n";
-  return write_whole(main_name_ + ".pbrt", main);
+  return write_whole(name, main);
 }
 
 }  // namespace spillway::tools::city

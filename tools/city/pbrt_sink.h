@@ -32,6 +32,10 @@ class PbrtSink final : public pipeline::SceneSink {
   Status add_mesh(const pipeline::MeshInput& mesh) override;
   Status add_instance(uint32_t object, const Affine3& world_from_object) override;
   void set_settings(const pipeline::SceneSettings& settings) override { settings_ = settings; }
+  // A main file a frame: city.0007.pbrt; city.pbrt is the first.
+  void set_camera_path(uint32_t first_frame, std::span<const shading::Camera> cameras) override {
+    first_frame_ = first_frame, cameras_.assign(cameras.begin(), cameras.end());
+  }
   Status finish() override;
 
   [[nodiscard]] uint64_t written_bytes() const { return written_bytes_; }
@@ -49,6 +53,7 @@ class PbrtSink final : public pipeline::SceneSink {
   PbrtSink() = default;
   Status append(Text& text, const std::string& line);
   Status close(Text& text);
+  Status write_main(const std::string& name, const pipeline::SceneSettings& settings);
   Status write_whole(const std::string& name, const std::string& text);
   Status write_ply(const std::string& name, const pipeline::MeshInput& mesh);
   [[nodiscard]] Error with_progress(const Error& problem) const;
@@ -59,6 +64,8 @@ class PbrtSink final : public pipeline::SceneSink {
   std::vector<Object> objects_;
   Text geometry_, instances_;
   pipeline::SceneSettings settings_;
+  uint32_t first_frame_ = 1;
+  std::vector<shading::Camera> cameras_;
   uint64_t written_bytes_ = 0;
 };
 

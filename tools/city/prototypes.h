@@ -3,6 +3,7 @@
 // What stands in the city many times: lamps, trees, cars. Each is made once about its own origin, z up, front along x.
 
 #include <array>
+#include <vector>
 
 #include "tools/city/geometry.h"
 
@@ -24,6 +25,7 @@ struct ByPrototype {
   std::array<std::array<Number, kTreeVariants>, kTreeKinds> trees{};
   std::array<std::array<Number, kCarPaints>, kCarKinds> cars{};
   Number sea{};
+  std::vector<Number> buildings;  // by design
 };
 
 // The post only, and the part that emits light. An arm reaches along x, over the street.

@@ -37,7 +37,7 @@ View street_view(const std::vector<Block>& blocks, const Terrain& terrain) {
 
 View aerial_view(const Terrain& terrain) {
   const double r = std::max(terrain.radius_m(), 250.0);
-  return {{-0.50 * r, -0.84 * r, 0.20 * r}, {0.06 * r, -0.02 * r, 0.015 * r}, 38};
+  return {{-0.50 * r, -0.84 * r, 0.20 * r}, {0.12 * r, -0.03 * r, 0.015 * r}, 38};
 }
 
 // From over the bay past downtown's towers to the hills.
@@ -65,11 +65,11 @@ struct SkyColours {
 };
 SkyColours sky_colours(TimeOfDay time) {
   switch (time) {
-    case TimeOfDay::day: return {{0.80f, 0.92f, 1.06f}, {0.17f, 0.32f, 0.66f}, {0.9f, 0.75f, 0.55f}, 12};
+    case TimeOfDay::day: return {{1.15f, 1.25f, 1.38f}, {0.27f, 0.47f, 0.92f}, {1.0f, 0.85f, 0.62f}, 12};
     case TimeOfDay::dusk: return {{0.36f, 0.22f, 0.24f}, {0.035f, 0.06f, 0.16f}, {1.5f, 0.62f, 0.16f}, 5};
     case TimeOfDay::night: break;
   }
-  return {{0.030f, 0.030f, 0.042f}, {0.004f, 0.006f, 0.016f}, {0.01f, 0.012f, 0.016f}, 30};
+  return {{0.075f, 0.070f, 0.085f}, {0.010f, 0.014f, 0.034f}, {0.02f, 0.024f, 0.03f}, 30};
 }
 
 }  // namespace
@@ -133,9 +133,9 @@ shading::Light sun(TimeOfDay time) {
   light.edge1 = towards_sun(time) * -1.0f;
   light.normal_sign = 1;
   switch (time) {
-    case TimeOfDay::day: light.radiance = {3.3f, 2.95f, 2.45f}; break;
+    case TimeOfDay::day: light.radiance = {4.3f, 3.8f, 3.05f}; break;
     case TimeOfDay::dusk: light.radiance = {0.85f, 0.36f, 0.13f}; break;
-    case TimeOfDay::night: light.radiance = {0.010f, 0.013f, 0.020f}; break;
+    case TimeOfDay::night: light.radiance = {0.035f, 0.045f, 0.068f}; break;
   }
   return light;
 }
