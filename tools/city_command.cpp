@@ -146,6 +146,7 @@ void add_city_command(CLI::App& app, int& exit_code) {
   command->add_option("--camera", a.city.camera, "aerial, street or flight [aerial]")->transform(CLI::CheckedTransformer(cameras));
   command->add_option("--frames", a.frames, "FIRST-LAST of the flight's 240 [1]");
   command->add_option("--format", a.format, "pbrt: text and PLY; store: packed [pbrt]")->check(CLI::IsMember({"pbrt", "store"}));
+  command->add_flag("--tessellate", a.city.tessellate, "domes, cars and trees as triangles: text that pbrt-v4 reads");
   command->add_option("--memory", a.memory, "limit for packing, such as 2GiB");
   command->add_option("--threads", a.threads, "[all cores]")->check(CLI::Range(1u, 1024u));
   command->add_flag("--dry-run", a.dry_run, "plan and count only; print the manifest");

@@ -170,7 +170,7 @@ uint64_t City::sample_triangles(double detail) const {
   options.detail = detail;
   parallel_blocks(count, 1, [&](size_t, size_t first, size_t last) {
     for (size_t i = first; i < last; ++i) {
-      Geometry g(Geometry::Mode::count);
+      Geometry g = geometry(Geometry::Mode::count);
       std::vector<Building> all = plan_buildings(blocks_[i * step], make_lots(blocks_[i * step]), plan_options_);
       all.resize(rows_[i * step].buildings);
       for (const Building& b : all) build(g, b, {1, 0}, options);
@@ -207,17 +207,22 @@ void City::make_ground(Geometry& g, size_t index, const Contents& contents) cons
   for (const Standing& lamp : contents.lamps) lamp_head(g, static_cast<LampKind>(lamp.kind), lamp.frame);
 }
 
+void City::count_surfaces(CityCounts& counts, const Geometry& g) const {
+  counts.cages += g.cage_count(), counts.cage_faces += g.cage_face_count();
+  for (size_t s = 0; s < kSurfaceCount; ++s)
+    if (const auto surface = static_cast<Surface>(s); !is_black(emission_of(surface, options_.time)))
+      counts.light_triangles += g.triangle_count(surface);
+}
+
 CityCounts City::count_block(size_t index, const ByPrototype<uint64_t>& sizes) {
   CityCounts c;
   const Contents contents = City::contents(index);
-  Geometry g(Geometry::Mode::count);
+  Geometry g = geometry(Geometry::Mode::count);
   make_buildings(g, contents);
   c.building_triangles = g.triangle_count();
   make_ground(g, index, contents);
   c.ground_triangles = g.triangle_count() - c.building_triangles;
-  for (size_t s = 0; s < kSurfaceCount; ++s)
-    if (const auto surface = static_cast<Surface>(s); !is_black(emission_of(surface, options_.time)))
-      c.light_triangles += g.triangle_count(surface);
+  count_surfaces(c, g);
   c.lots = contents.lots.size(), c.buildings = contents.buildings.size();
   c.street_lights = contents.lamps.size(), c.trees = contents.trees.size(), c.cars = contents.cars.size();
   for (const Standing& s : contents.lamps) c.instanced_triangles += sizes.lamps[s.kind];
@@ -240,6 +245,7 @@ void City::survey() {
   });
   for (const CityCounts& c : parts) {
     for (const auto member : {&CityCounts::building_triangles, &CityCounts::ground_triangles, &CityCounts::light_triangles,
+                              &CityCounts::cages, &CityCounts::cage_faces,
                               &CityCounts::lots, &CityCounts::buildings, &CityCounts::instanced_buildings, &CityCounts::street_lights, &CityCounts::trees,
                               &CityCounts::cars, &CityCounts::floors, &CityCounts::instanced_triangles})
       counts_.*member += c.*member;

@@ -21,6 +21,7 @@
 namespace spillway::tools::city {
 
 inline constexpr double kUsualDetail = 1900;
+inline constexpr uint32_t kTessellation = 4;  // pieces an edge
 inline constexpr uint32_t kFlightFrames = 240;
 inline constexpr uint64_t kUsualBuildings = 1000;
 
@@ -31,6 +32,7 @@ struct CityOptions {
   uint64_t seed = 1;
   std::optional<double> detail_triangles;    // mean of a building; else kUsualDetail, or what comes nearest
   double unique = 1;                         // share of buildings with geometry of their own; the others are instances
+  bool tessellate = false;                   // cages as triangles, at a fixed rate: scenes without extensions
   uint64_t geometry_bytes = 0;               // of the store; 0: what comes of it. Else the buildings, or their detail, follow
   bool hills = true, bay = true;
   TimeOfDay time = TimeOfDay::day;
@@ -46,7 +48,8 @@ struct CityCounts {
   uint64_t floors = 0;              // of all buildings
   uint64_t instanced_buildings = 0;  // of all buildings
   uint64_t building_triangles = 0, ground_triangles = 0, light_triangles = 0, prototype_triangles = 0;
-  uint64_t meshes = 0, instances = 0, instanced_triangles = 0;
+  uint64_t cages = 0, cage_faces = 0;  // Catmull-Clark; triangles only when they are tessellated
+  uint64_t instances = 0, instanced_triangles = 0;
   [[nodiscard]] uint64_t unique_triangles() const { return building_triangles + ground_triangles + prototype_triangles; }
 };
 
@@ -85,6 +88,11 @@ class City {
   using Objects = ByPrototype<uint32_t>;
   struct Made;
 
+  [[nodiscard]] Geometry geometry(Geometry::Mode mode) const {
+    return Geometry(mode, options_.tessellate ? kTessellation : 0);
+  }
+  // What a geometry has that shines, and cages.
+  void count_surfaces(CityCounts& counts, const Geometry& g) const;
   [[nodiscard]] uint64_t building_count() const { return options_.buildings.value_or(kUsualBuildings); }
   City(const CityOptions& options, const Terrain& terrain) : options_(options), terrain_(terrain) {}
   std::optional<double> lay_out();

@@ -7,6 +7,7 @@
 #include <memory>
 
 #include "cache/base/check.h"
+#include "tools/city/cage.h"
 #include "tools/city/city.h"
 #include "tools/city/ground.h"
 #include "tools/city/waterfront.h"
@@ -35,40 +36,60 @@ Status add_light(pipeline::SceneSink& sink, TimeOfDay time, const std::filesyste
   return sink.add_light(sun(time));
 }
 
-// The meshes of a geometry, one a surface, into the world or an object. Material ids are surface numbers.
-Status add_meshes(pipeline::SceneSink& sink, const Geometry& g, const std::string& name, uint32_t object, TimeOfDay time) {
-  for (size_t s = 0; s < kSurfaceCount; ++s) {
-    const auto surface = static_cast<Surface>(s);
-    const SurfaceMesh& mesh = g.mesh(surface);
-    if (mesh.indices.empty()) continue;
-    pipeline::MeshInput input;
-    input.name = fmt::format("{}_{}", name, city::name(surface));
-    input.positions = mesh.positions, input.normals = mesh.normals, input.indices = mesh.indices;
-    input.material = MaterialId{static_cast<uint32_t>(s)};
-    input.object = object;
-    input.emission = emission_of(surface, time);
-    input.emits = !is_black(input.emission);
-    SPILLWAY_TRY(sink.add_mesh(input));
+// Where a geometry goes: the world, or an object; lights do not shine in objects.
+struct Place {
+  std::string name;
+  uint32_t object;
+  TimeOfDay time;
+};
+
+pipeline::MeshInput input_of(const Place& place, Surface surface) {
+  pipeline::MeshInput input;
+  input.name = fmt::format("{}_{}", place.name, city::name(surface));
+  input.material = MaterialId{static_cast<uint32_t>(surface)};
+  input.object = place.object;
+  input.emission = emission_of(surface, place.time);
+  input.emits = !is_black(input.emission);
+  return input;
+}
+
+Status add_mesh(pipeline::SceneSink& sink, pipeline::MeshInput input, const SurfaceMesh& mesh) {
+  input.positions = mesh.positions, input.normals = mesh.normals, input.indices = mesh.indices;
+  return sink.add_mesh(input);
+}
+
+Status add_cages(pipeline::SceneSink& sink, const Geometry& g, const Place& place) {
+  for (size_t i = 0; i < g.cages().size(); ++i) {
+    const Cage& cage = g.cages()[i];
+    pipeline::SubdivisionInput input;
+    input.cage = input_of({fmt::format("{}_cage{}", place.name, i), place.object, place.time}, cage.surface);
+    if (g.tessellation() > 0) {
+      SPILLWAY_ASSIGN(const SurfaceMesh mesh, tessellated(cage, g.tessellation()));
+      SPILLWAY_TRY(add_mesh(sink, input.cage, mesh));
+      continue;
+    }
+    const std::vector<uint32_t> corners(cage.indices.size() / 4, 4);
+    input.cage.positions = cage.positions, input.cage.indices = cage.indices;
+    input.corner_counts = corners, input.sharp_edges = cage.sharp_edges, input.holes = cage.holes;
+    SPILLWAY_TRY(sink.add_subdivision(input));
   }
   return {};
 }
 
-uint64_t mesh_count(const Geometry& g) {
-  uint64_t count = 0;
-  for (size_t s = 0; s < kSurfaceCount; ++s) count += g.triangle_count(static_cast<Surface>(s)) > 0;
-  return count;
+// The meshes of a geometry, one a surface, and its cages. Material ids are surface numbers.
+Status add_geometry(pipeline::SceneSink& sink, const Geometry& g, const Place& place) {
+  for (size_t s = 0; s < kSurfaceCount; ++s) {
+    const auto surface = static_cast<Surface>(s);
+    const SurfaceMesh& mesh = g.mesh(surface);
+    if (mesh.indices.empty()) continue;
+    SPILLWAY_TRY(add_mesh(sink, input_of(place, surface), mesh));
+  }
+  return add_cages(sink, g, place);
 }
 
 Standing standing_design(const Building& b, const Terrain& terrain) {
   const Vec2 corner = b.footprint[0].at;
   return {{{corner.x, corner.y, ground_of(b, terrain).floor_z}, normalize(b.footprint[1].at - corner)}, 1, b.design, 0};
-}
-
-template <class Make>
-Geometry made(Geometry::Mode mode, const Make& make) {
-  Geometry g(mode);
-  make(g);
-  return g;
 }
 
 }  // namespace
@@ -110,9 +131,10 @@ BuildOptions City::design_options() const {
 Status City::emit_prototypes(pipeline::SceneSink& sink, Objects& objects) const {
   return visit_prototypes(counts_, plan_options_.designs, design_options(), objects, [&](const std::string& name, uint32_t& object, const auto& make) {
     object = sink.begin_object(name);
-    Geometry g = made(Geometry::Mode::keep, make);
+    Geometry g = geometry(Geometry::Mode::keep);
+    make(g);
     if (g.mesh(Surface::water).normals.empty()) g.weld();
-    return add_meshes(sink, g, name, object, TimeOfDay::day);
+    return add_geometry(sink, g, {name, object, TimeOfDay::day});
   });
 }
 
@@ -123,9 +145,10 @@ ByPrototype<uint64_t> City::count_prototypes() {
   for (const Row& row : rows_) all.street_lights += row.lamps, all.trees += row.trees, all.cars += row.cars;
   all.sea_tiles = counts_.sea_tiles = sea_places(terrain_).size();
   const Status counted = visit_prototypes(all, plan_options_.designs, design_options(), sizes, [&](const std::string&, uint64_t& size, const auto& make) -> Status {
-    const Geometry g = made(Geometry::Mode::count, make);
+    Geometry g = geometry(Geometry::Mode::count);
+    make(g);
     size = g.triangle_count();
-    counts_.prototype_triangles += size, counts_.meshes += mesh_count(g);
+    counts_.prototype_triangles += size, counts_.cages += g.cage_count(), counts_.cage_faces += g.cage_face_count();
     return {};
   });
   SPILLWAY_CHECK(static_cast<bool>(counted), ==, true);
@@ -140,16 +163,15 @@ void City::make_land(Geometry& g, int part) const {
 
 void City::count_land() {
   for (int part = 0; part < kLandParts; ++part) {
-    const Geometry g = made(Geometry::Mode::count, [&](Geometry& into) { make_land(into, part); });
-    for (size_t s = 0; s < kSurfaceCount; ++s)
-      if (const auto surface = static_cast<Surface>(s); !is_black(emission_of(surface, options_.time)))
-        counts_.light_triangles += g.triangle_count(surface);
-    counts_.ground_triangles += g.triangle_count(), counts_.meshes += mesh_count(g);
+    Geometry g = geometry(Geometry::Mode::count);
+    make_land(g, part);
+    counts_.ground_triangles += g.triangle_count();
+    count_surfaces(counts_, g);
   }
 }
 
 City::Made City::make_tile(size_t tile) const {
-  Made made;
+  Made made{geometry(Geometry::Mode::keep), {}, {}, {}, {}};
   for (size_t i = tiles_[tile].first_block; i < tiles_[tile].last_block; ++i) {
     const Contents contents = City::contents(i);
     make_buildings(made.geometry, contents);
@@ -168,7 +190,7 @@ Status City::emit_tiles(pipeline::SceneSink& sink, const Objects& objects) const
   size_t next = 0, said = 0;
   Status status;
   const auto say = [&](const Made& tile) -> Status {
-    SPILLWAY_TRY(add_meshes(sink, tile.geometry, fmt::format("tile{:05}", said), 0, options_.time));
+    SPILLWAY_TRY(add_geometry(sink, tile.geometry, {fmt::format("tile{:05}", said), 0, options_.time}));
     for (const Standing& s : tile.lamps) SPILLWAY_TRY(sink.add_instance(objects.lamps[s.kind], affine(s.frame, s.scale)));
     for (const Standing& s : tile.trees) SPILLWAY_TRY(sink.add_instance(objects.trees[s.kind][s.variant], affine(s.frame, s.scale)));
     for (const Standing& s : tile.cars) SPILLWAY_TRY(sink.add_instance(objects.cars[s.kind][s.variant], affine(s.frame, s.scale)));
@@ -194,9 +216,10 @@ Status City::emit_tiles(pipeline::SceneSink& sink, const Objects& objects) const
 
 Status City::emit_land(pipeline::SceneSink& sink, const Objects& objects) const {
   for (int part = 0; part < kLandParts; ++part) {
-    Geometry g = made(Geometry::Mode::keep, [&](Geometry& into) { make_land(into, part); });
+    Geometry g = geometry(Geometry::Mode::keep);
+    make_land(g, part);
     g.weld();
-    SPILLWAY_TRY(add_meshes(sink, g, fmt::format("land{:02}", part), 0, options_.time));
+    SPILLWAY_TRY(add_geometry(sink, g, {fmt::format("land{:02}", part), 0, options_.time}));
   }
   for (const Vec2 at : sea_places(terrain_)) SPILLWAY_TRY(sink.add_instance(objects.sea, affine({{at.x, at.y, 0}}, 1)));
   return {};

@@ -32,6 +32,8 @@ std::string manifest_json(const City& city, const CityOptions& options) {
                      {"prototypes", c.prototype_triangles},
                      {"emitting", c.light_triangles},
                      {"instanced", c.instanced_triangles}}},
+      {"cages", c.cages},
+      {"cage_faces", c.cage_faces},
       {"instances", c.instances},
       {"predicted_store_bytes", city.predicted_store_bytes()},
   };

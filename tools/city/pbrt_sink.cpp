@@ -180,8 +180,26 @@ Status PbrtSink::add_mesh(const pipeline::MeshInput& mesh) {
   const std::string name = "geometry/" + mesh.name + ".ply";
   const Status written = write_ply(name, mesh);
   if (!written) return with_progress(written.error());
-  std::string text = fmt::format("NamedMaterial \"{}\"\nShape \"plymesh\" \"string filename\" \"{}\"\n",
-                                 material_names_[mesh.material.value], name);
+  return add_shape(mesh, fmt::format("Shape \"plymesh\" \"string filename\" \"{}\"\n", name));
+}
+
+Status PbrtSink::add_subdivision(const pipeline::SubdivisionInput& s) {
+  std::string text = "Shape \"subdivmesh\" \"point3 P\" [";
+  for (const Float3 p : s.cage.positions) text += fmt::format(" {} {} {}", p.x, p.y, p.z);
+  text += fmt::format(" ]\n  \"integer indices\" [ {} ]", fmt::join(s.cage.indices, " "));
+  if (!s.sharp_edges.empty()) {
+    text += "\n  \"integer creaseindices\" [";
+    for (const pipeline::SharpEdge& e : s.sharp_edges) text += fmt::format(" {} {}", e.vertices[0], e.vertices[1]);
+    text += " ] \"float creasesharpness\" [";
+    for (const pipeline::SharpEdge& e : s.sharp_edges) text += fmt::format(" {}", e.sharpness);
+    text += " ]";
+  }
+  if (!s.holes.empty()) text += fmt::format("\n  \"integer holeindices\" [ {} ]", fmt::join(s.holes, " "));
+  return add_shape(s.cage, text + "\n");
+}
+
+Status PbrtSink::add_shape(const pipeline::MeshInput& mesh, const std::string& shape) {
+  std::string text = fmt::format("NamedMaterial \"{}\"\n{}", material_names_[mesh.material.value], shape);
   if (mesh.emits) text = fmt::format("AttributeBegin\nAreaLightSource \"diffuse\"{}\n{}AttributeEnd\n", rgb("L", mesh.emission), text);
   if (mesh.object == 0) return append(geometry_, text);
   objects_[mesh.object - 1].text += text;

@@ -61,14 +61,6 @@ void disk(Geometry& g, Surface surface, const Frame& frame, int sides, double ra
                frame.point(on_circle(i + 1, sides, radius, z)));
 }
 
-void dome(Geometry& g, Surface surface, const Frame& frame, int sides, int rings, double radius, double z, double height) {
-  for (int i = 0; i < rings; ++i) {
-    const double a0 = kTurn / 4 * i / rings, a1 = kTurn / 4 * (i + 1) / rings;
-    const double r1 = i + 1 == rings ? 0 : radius * std::cos(a1);
-    band(g, surface, frame, sides, radius * std::cos(a0), z + height * std::sin(a0), r1, z + height * std::sin(a1));
-  }
-}
-
 void octahedron(Geometry& g, Surface surface, const Frame& frame, double radius, double half_height) {
   band(g, surface, frame, 4, 0, -half_height, radius, 0);
   band(g, surface, frame, 4, radius, 0, 0, half_height);

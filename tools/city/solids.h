@@ -1,6 +1,6 @@
 #pragma once
 
-// Boxes, prisms, cones, domes, roofs and beams. All in the frame given; outsides face outwards.
+// Boxes, prisms, cones, roofs and beams. All in the frame given; outsides face outwards.
 
 #include "tools/city/geometry.h"
 
@@ -26,8 +26,6 @@ void cap(Geometry& g, Surface surface, const Polygon& polygon, double z);
 // About the frame's z axis, radius r0 at z0 and r1 at z1; a radius of 0 is a tip.
 void cone(Geometry& g, Surface surface, const Frame& frame, int sides, double r0, double z0, double r1, double z1);
 void disk(Geometry& g, Surface surface, const Frame& frame, int sides, double radius, double z);
-// Upper half of an ellipsoid on a circle.
-void dome(Geometry& g, Surface surface, const Frame& frame, int sides, int rings, double radius, double z, double height);
 void octahedron(Geometry& g, Surface surface, const Frame& frame, double radius, double half_height);
 
 // A bar of square section between two points.

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "tools/city/cage.h"
 #include "tools/city/mason.h"
 
 namespace spillway::tools::city {
@@ -60,7 +61,7 @@ void tank(Mason& m, Vec2 at, double z0) {
   const double r = m.random.between(1.4, 2.6), h = m.random.between(3, 6);
   const int sides = m.style.level >= 2 ? 24 : 12;
   cone(m.g, Surface::metal_light, f, sides, r, 0, r, h);
-  dome(m.g, Surface::metal_light, f, sides, 4, r, h, r * 0.35);
+  dome_cage(m.g, Surface::metal_light, f, r, h, r * 0.4, false);
   beam(m.g, Surface::metal_dark, f, {r + 0.1, 0, 0}, {r + 0.1, 0, h + 0.4}, 0.08);
 }
 
