@@ -1,7 +1,12 @@
 #include "tools/city/pbrt_sink.h"
 
+#include <fcntl.h>
+#include <unistd.h>
+
 #include <algorithm>
+#include <cerrno>
 #include <cmath>
+#include <cstdio>
 #include <cstring>
 
 namespace spillway::tools::city {
@@ -31,6 +36,8 @@ std::string parameters(const pipeline::Material& m) {
     default: return " \"string type\" \"diffuse\"" + rgb("reflectance", m.reflectance.constant);
   }
 }
+
+void close_descriptor(int descriptor) { close(descriptor); }
 
 // pbrt takes a matrix column by column.
 std::string columns(const Affine3& a) {
@@ -169,11 +176,26 @@ uint32_t PbrtSink::begin_object(std::string name) {
 }
 
 Status PbrtSink::write_ply(const std::string& name, const pipeline::MeshInput& mesh) {
-  SPILLWAY_ASSIGN(cache::WriteFile file, cache::WriteFile::create(folder_ / name, cache::IoPurpose::scene));
   const std::vector<std::byte> bytes = ply_bytes(mesh);
-  SPILLWAY_TRY(file.append(bytes));
+  const std::string path = (folder_ / name).string();
+  std::FILE* file = std::fopen(path.c_str(), "wb");
+  if (file == nullptr) return error("{}: cannot be written: {}", path, std::strerror(errno));
+  const bool written = std::fwrite(bytes.data(), 1, bytes.size(), file) == bytes.size();
+  const int problem = errno;
+  const bool closed = std::fclose(file) == 0;
+  if (!written || !closed) return error("{}: cannot be written: {}", path, std::strerror(written ? errno : problem));
   written_bytes_ += bytes.size();
-  return file.commit();
+  return {};
+}
+
+// Tens of thousands of files are synced at once, before the main file makes a scene of them.
+Status PbrtSink::sync_folder() const {
+  const int folder = open(folder_.c_str(), O_RDONLY | O_DIRECTORY);
+  const bool synced = folder >= 0 && syncfs(folder) == 0;
+  const int problem = errno;
+  if (folder >= 0) close_descriptor(folder);
+  if (!synced) return error("{}: cannot be synced: {}", folder_.string(), std::strerror(problem));
+  return {};
 }
 
 Status PbrtSink::add_mesh(const pipeline::MeshInput& mesh) {
@@ -218,6 +240,7 @@ Status PbrtSink::finish() {
   for (const Object& object : objects_) objects += fmt::format("ObjectBegin \"{}\"\n{}ObjectEnd\n", object.name, object.text);
   SPILLWAY_TRY(write_whole("objects.pbrt", objects));
   SPILLWAY_TRY(write_whole("materials.pbrt", materials_));
+  SPILLWAY_TRY(sync_folder());
   for (size_t i = 0; i < cameras_.size(); ++i) {
     pipeline::SceneSettings settings = settings_;
     settings.camera = cameras_[i];

@@ -58,6 +58,7 @@ class PbrtSink final : public pipeline::SceneSink {
   Status write_main(const std::string& name, const pipeline::SceneSettings& settings);
   Status write_whole(const std::string& name, const std::string& text);
   Status write_ply(const std::string& name, const pipeline::MeshInput& mesh);
+  [[nodiscard]] Status sync_folder() const;
   [[nodiscard]] Error with_progress(const Error& problem) const;
 
   std::filesystem::path folder_;
