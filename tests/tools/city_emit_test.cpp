@@ -22,7 +22,7 @@ namespace fs = std::filesystem;
 
 CityOptions small_city() {
   CityOptions options;
-  options.buildings = 60, options.detail_triangles = 500, options.trees = 40, options.cars = 30, options.seed = 11;
+  options.buildings = 60, options.detail_triangles = 900, options.trees = 40, options.cars = 30, options.seed = 11;
   options.time = TimeOfDay::night;
   return options;
 }

@@ -14,7 +14,7 @@ constexpr double kBuildingGround_m2 = 620;  // with its share of streets; where 
 constexpr double kLeastRadius_m = 320;
 constexpr uint64_t kMostBuildings = 20'000'000;
 constexpr uint64_t kTileTriangles = 250'000;
-constexpr double kMostDetail = 4;
+constexpr double kMostDetail = 6;
 constexpr double kLampRatio = 216.0 / 83.0;
 constexpr uint64_t kLampSpacing_cm = 200;
 

@@ -31,6 +31,25 @@ void lintel(Geometry& g, Surface surface, const Frame& f, const Opening& o) {
   box(g, surface, f, {o.x0 - 0.12, -0.05, o.z1}, {o.x1 + 0.12, 0.02, o.z1 + 0.2}, kFront | kTop | kBottom);
 }
 
+// The same of bars: they stand out, and there are more of them.
+void deep_sash(Geometry& g, Surface surface, const Frame& f, const Opening& o, double depth, int level) {
+  const double w = std::min(0.06, (o.x1 - o.x0) / 8), y = depth - 0.07;
+  const auto bar = [&](double x0, double x1, double z0, double z1, double front) {
+    box(g, surface, f, {x0, front, z0}, {x1, depth, z1}, kAllFaces & ~kBack);
+  };
+  bar(o.x0, o.x0 + w, o.z0, o.z1, y), bar(o.x1 - w, o.x1, o.z0, o.z1, y);
+  bar(o.x0 + w, o.x1 - w, o.z0, o.z0 + w, y), bar(o.x0 + w, o.x1 - w, o.z1 - w, o.z1, y);
+  const int rows = level >= 5 ? 4 : 2, columns = std::max(level >= 5 ? 2 : 1, static_cast<int>((o.x1 - o.x0) / 0.8));
+  for (int i = 1; i < rows; ++i) {
+    const double z = o.z0 + (o.z1 - o.z0) * i / rows;
+    bar(o.x0 + w, o.x1 - w, z - w / 3, z + w / 3, y + 0.02);
+  }
+  for (int i = 1; i < columns; ++i) {
+    const double x = o.x0 + (o.x1 - o.x0) * i / columns;
+    bar(x - w / 3, x + w / 3, o.z0 + w, o.z1 - w, y + 0.025);
+  }
+}
+
 // A frame around the pane and bars across it, just before it.
 void sash(Geometry& g, Surface surface, const Frame& f, const Opening& o, double depth) {
   const double y = depth - 0.03, w = std::min(0.06, (o.x1 - o.x0) / 8), zm = (o.z0 + o.z1) / 2, xm = (o.x0 + o.x1) / 2;
@@ -59,6 +78,7 @@ void window(Geometry& g, const Frame& f, const Opening& o, const FacadeStyle& st
   if (style.shutters && style.level >= 2) shutters(g, style.trim, f, o);
   if (style.level < 3) return;
   lintel(g, style.trim, f, o);
+  if (style.bars && style.level >= 4) return deep_sash(g, style.trim, f, o, style.recess_m, style.level);
   if (style.bars) sash(g, style.trim, f, o, style.recess_m);
 }
 

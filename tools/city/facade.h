@@ -4,7 +4,7 @@
 //
 // A wall's frame has its origin at the lower left corner seen from the street, x along the wall, y into the building, z up.
 // `level` says how far a window is worked out: 0 panes on the wall; 1 openings with reveals; 2 sills; 3 frames and bars,
-// lintels. Which panes are lit is drawn per building and per floor.
+// lintels; 4 and 5 frames and bars of boxes. Which panes are lit is drawn per building and per floor.
 
 #include "tools/city/geometry.h"
 #include "tools/city/random.h"

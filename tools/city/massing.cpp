@@ -16,7 +16,7 @@ constexpr std::array<void (*)(Mason&), kKindCount> kBuilders = {
 // Levels around the wanted detail; the many windows of tall buildings are kept simpler.
 int level_of(const Building& b, double detail, Random& random) {
   const int drawn = static_cast<int>(std::floor(detail + random.unit()));
-  return std::clamp(b.floors > 10 ? drawn - 1 : drawn, 0, b.floors > 10 ? 2 : 3);
+  return std::clamp(b.floors > 10 ? drawn - 1 : drawn, 0, b.floors > 10 ? 3 : 5);
 }
 
 bool has_offices(Kind kind) {

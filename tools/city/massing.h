@@ -10,7 +10,7 @@ namespace spillway::tools::city {
 
 struct BuildOptions {
   TimeOfDay time = TimeOfDay::day;
-  double detail = 2;  // 0..4: how far windows and roofs are worked out, on average; see facade.h
+  double detail = 2;  // 0..6: how far windows and roofs are worked out, on average; see facade.h
 };
 
 struct Ground {
