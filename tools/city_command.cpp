@@ -60,7 +60,8 @@ Status check_space(const City& plan, const fs::path& folder) {
 Status write_city(const CityArguments& a, const City& plan) {
   std::error_code code;
   fs::create_directories(a.output, code);
-  if (!fs::is_directory(a.output, code)) return error("{}: cannot be made a directory; name another folder", a.output.string());
+  if (!fs::is_directory(a.output, code))
+    return error("{}: cannot be made a directory; name another folder", a.output.string());
   SPILLWAY_TRY(check_space(plan, a.output));
   fs::remove(a.output / "manifest.json", code);
   SPILLWAY_TRY(city::write_sky(a.output / "sky.exr", a.city.time));
@@ -113,17 +114,22 @@ int run(CityArguments& a) {
 
 void add_counts(CLI::App& command, CityArguments& a) {
   const auto count = [&](const char* name, std::optional<uint64_t>& into, const char* what) {
-    command.add_option_function<uint64_t>(name, [&into](uint64_t given) { into = given; }, what);
+    command.add_option_function<uint64_t>(
+        name, [&into](uint64_t given) { into = given; }, what);
   };
   count("--buildings", a.city.buildings, "[1000, or what --geometry takes]");
   count("--street-lights", a.city.street_lights, "lamps on kerbs [216 for 83 buildings]");
   count("--trees", a.city.trees, "[as many as there is room for]");
   count("--cars", a.city.cars, "parked [half of the places]");
-  command.add_option_function<double>("--detail", [&a](double given) { a.city.detail_triangles = given; },
-                                      "mean triangles of a building [1900]")->check(CLI::Range(1.0, 1e6));
-  command.add_option("--unique", a.city.unique, "share of buildings with geometry of their own; others are instances [1]")
+  command
+      .add_option_function<double>(
+          "--detail", [&a](double given) { a.city.detail_triangles = given; }, "mean triangles of a building [1900]")
+      ->check(CLI::Range(1.0, 1e6));
+  command
+      .add_option("--unique", a.city.unique, "share of buildings with geometry of their own; others are instances [1]")
       ->check(CLI::Range(0.0, 1.0));
-  command.add_option("--geometry", a.geometry, "bytes of geometry in the store, such as 40GiB; the buildings, or their detail, follow");
+  command.add_option("--geometry", a.geometry,
+                     "bytes of geometry in the store, such as 40GiB; the buildings, or their detail, follow");
   command.add_option("--textures", a.textures, "bytes of textures");
   command.add_option("--seed", a.city.seed, "another city [1]");
 }
@@ -138,14 +144,18 @@ void add_city_command(CLI::App& app, int& exit_code) {
   CityArguments& a = *arguments;
   command->add_option("-o,--output", a.output, "folder for the city");
   add_counts(*command, a);
-  command->add_option("--terrain", a.terrain, "full, hills, bay or flat [full]")->check(CLI::IsMember({"full", "hills", "bay", "flat"}));
-  const std::map<std::string, TimeOfDay> times = {{"day", TimeOfDay::day}, {"dusk", TimeOfDay::dusk}, {"night", TimeOfDay::night}};
+  command->add_option("--terrain", a.terrain, "full, hills, bay or flat [full]")
+      ->check(CLI::IsMember({"full", "hills", "bay", "flat"}));
+  const std::map<std::string, TimeOfDay> times = {
+      {"day", TimeOfDay::day}, {"dusk", TimeOfDay::dusk}, {"night", TimeOfDay::night}};
   command->add_option("--time", a.city.time, "day, dusk or night [day]")->transform(CLI::CheckedTransformer(times));
   const std::map<std::string, CameraKind> cameras = {
       {"aerial", CameraKind::aerial}, {"street", CameraKind::street}, {"flight", CameraKind::flight}};
-  command->add_option("--camera", a.city.camera, "aerial, street or flight [aerial]")->transform(CLI::CheckedTransformer(cameras));
+  command->add_option("--camera", a.city.camera, "aerial, street or flight [aerial]")
+      ->transform(CLI::CheckedTransformer(cameras));
   command->add_option("--frames", a.frames, "FIRST-LAST of the flight's 240 [1]");
-  command->add_option("--format", a.format, "pbrt: text and PLY; store: packed [pbrt]")->check(CLI::IsMember({"pbrt", "store"}));
+  command->add_option("--format", a.format, "pbrt: text and PLY; store: packed [pbrt]")
+      ->check(CLI::IsMember({"pbrt", "store"}));
   command->add_flag("--tessellate", a.city.tessellate, "domes, cars and trees as triangles: text that pbrt-v4 reads");
   command->add_option("--memory", a.memory, "limit for packing, such as 2GiB");
   command->add_option("--threads", a.threads, "[all cores]")->check(CLI::Range(1u, 1024u));

@@ -48,7 +48,8 @@ class CityCommand : public testing::Test {
 };
 
 TEST_F(CityCommand, text_and_store_are_rendered_and_counted_alike) {
-  const std::string options = " --buildings 30 --street-lights 60 --trees 20 --cars 10 --detail 900 --time dusk --camera street";
+  const std::string options =
+      " --buildings 30 --street-lights 60 --trees 20 --cars 10 --detail 900 --time dusk --camera street";
   const Ended text = spillway("city -o text" + options), store = spillway("city -o packed --format store" + options);
   ASSERT_EQ(text.code, 0) << text.said;
   ASSERT_EQ(store.code, 0) << store.said;
@@ -75,7 +76,8 @@ TEST_F(CityCommand, the_predicted_size_is_nearly_the_size) {
   uint64_t bytes = 0;
   for (const auto& entry : fs::directory_iterator(folder_ / "big/city.store"))
     if (entry.is_regular_file()) bytes += entry.file_size();
-  EXPECT_NEAR(static_cast<double>(bytes), manifest("big")["predicted_store_bytes"].get<double>(), 0.12 * static_cast<double>(bytes));
+  EXPECT_NEAR(static_cast<double>(bytes), manifest("big")["predicted_store_bytes"].get<double>(),
+              0.12 * static_cast<double>(bytes));
 }
 
 TEST_F(CityCommand, bytes_make_a_city_of_that_size) {
@@ -91,7 +93,8 @@ TEST_F(CityCommand, bytes_make_a_city_of_that_size) {
 TEST_F(CityCommand, a_flight_has_a_camera_a_frame) {
   const Ended flight = spillway("city -o flight --buildings 5 --camera flight --frames 7-9 -q");
   ASSERT_EQ(flight.code, 0) << flight.said;
-  for (const char* file : {"city.pbrt", "city.0007.pbrt", "city.0009.pbrt"}) EXPECT_TRUE(fs::exists(folder_ / "flight" / file)) << file;
+  for (const char* file : {"city.pbrt", "city.0007.pbrt", "city.0009.pbrt"})
+    EXPECT_TRUE(fs::exists(folder_ / "flight" / file)) << file;
   EXPECT_FALSE(fs::exists(folder_ / "flight/city.0006.pbrt"));
 }
 
@@ -118,7 +121,8 @@ TEST_F(CityCommand, none_and_one_are_cities_too) {
   for (const char* count : {"0", "1"}) {
     const Ended ended = spillway(std::string("city -q --format store -o few") + count + " --buildings " + count);
     ASSERT_EQ(ended.code, 0) << ended.said;
-    const Ended render = spillway(std::string("render few") + count + "/city.store -o few.exr --resolution 32x18 --spp 1 -q");
+    const Ended render =
+        spillway(std::string("render few") + count + "/city.store -o few.exr --resolution 32x18 --spp 1 -q");
     EXPECT_EQ(render.code, 0) << render.said;
   }
 }

@@ -183,7 +183,9 @@ TEST(CityLayout, what_cannot_be_is_refused_with_what_could) {
 
 TEST(CityLayout, many_kinds_and_districts_are_there) {
   const CityCounts counts = planned(6000, 1).counts();
-  const auto present = [](const auto& numbers) { return std::count_if(numbers.begin(), numbers.end(), [](uint64_t n) { return n > 0; }); };
+  const auto present = [](const auto& numbers) {
+    return std::count_if(numbers.begin(), numbers.end(), [](uint64_t n) { return n > 0; });
+  };
   EXPECT_GE(present(counts.kinds), 16);
   EXPECT_GE(present(counts.districts), 6);
 }
@@ -221,10 +223,11 @@ TEST(CityLayout, blocks_have_the_size_of_blocks) {
     if (city.block(i).use != BlockUse::built) continue;
     areas.push_back(area(city.block(i).kerb));
     const Vec2 axis = city.block(i).grid_axis;
-    headings.insert(static_cast<int>(std::lround(std::fmod(std::atan2(axis.y, axis.x) + 2 * M_PI, M_PI / 2) * 18 / M_PI)));
+    headings.insert(
+        static_cast<int>(std::lround(std::fmod(std::atan2(axis.y, axis.x) + 2 * M_PI, M_PI / 2) * 18 / M_PI)));
   }
   std::sort(areas.begin(), areas.end());
-  EXPECT_GT(areas[areas.size() / 2], 2500);   // half a hectare, give or take
+  EXPECT_GT(areas[areas.size() / 2], 2500);  // half a hectare, give or take
   EXPECT_LT(areas[areas.size() / 2], 16000);
   EXPECT_GE(headings.size(), 4u);  // no single grid
 }

@@ -84,8 +84,8 @@ TEST_F(CityRender, the_picture_is_lit_by_windows_and_lamps) {
       const float here = luminance(image.film->pixel(x, y));
       brightest = std::max(brightest, here), sum += here;
     }
-  EXPECT_GT(brightest, 0.3f);          // a pane or a lamp is seen
-  EXPECT_GT(sum / (64 * 36), 0.003);   // and the night is not black
+  EXPECT_GT(brightest, 0.3f);         // a pane or a lamp is seen
+  EXPECT_GT(sum / (64 * 36), 0.003);  // and the night is not black
   EXPECT_LT(sum / (64 * 36), 0.5);
 }
 

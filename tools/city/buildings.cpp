@@ -19,31 +19,42 @@ struct Choice {
 
 // Kinds by district. Heroes (church, hall, pagoda) are rare everywhere.
 std::span<const Choice> choices(District district) {
-  static constexpr Choice kDowntown[] = {{Kind::glass_tower, 28}, {Kind::setback_tower, 20}, {Kind::art_deco, 16},
-                                         {Kind::podium_tower, 18}, {Kind::office_block, 12}, {Kind::slab, 4},
-                                         {Kind::parking_garage, 4}, {Kind::domed_hall, 1}, {Kind::church, 0.7}};
-  static constexpr Choice kMidtown[] = {{Kind::walk_up, 26}, {Kind::loft, 18}, {Kind::office_block, 18}, {Kind::slab, 12},
-                                        {Kind::corner_shop, 12}, {Kind::setback_tower, 7}, {Kind::podium_tower, 3},
-                                        {Kind::parking_garage, 3}, {Kind::church, 1}, {Kind::domed_hall, 1}};
-  static constexpr Choice kOldTown[] = {{Kind::corner_shop, 46}, {Kind::walk_up, 30}, {Kind::loft, 8}, {Kind::pagoda, 5},
-                                        {Kind::row_house, 8}, {Kind::church, 1}};
-  static constexpr Choice kRowhouses[] = {{Kind::row_house, 80}, {Kind::walk_up, 11}, {Kind::corner_shop, 8},
-                                          {Kind::church, 0.8}};
-  static constexpr Choice kSuburb[] = {{Kind::cottage, 52}, {Kind::villa, 40}, {Kind::corner_shop, 3}, {Kind::church, 0.8},
-                                       {Kind::slab, 2}};
-  static constexpr Choice kHillside[] = {{Kind::villa, 62}, {Kind::cottage, 26}, {Kind::row_house, 6}, {Kind::pagoda, 0.6}};
-  static constexpr Choice kIndustry[] = {{Kind::warehouse, 46}, {Kind::factory, 30}, {Kind::loft, 12},
-                                         {Kind::office_block, 8}, {Kind::parking_garage, 4}};
-  static constexpr Choice kHarbour[] = {{Kind::warehouse, 60}, {Kind::factory, 14}, {Kind::loft, 20}, {Kind::office_block, 6}};
+  static constexpr Choice kDowntown[] = {{Kind::glass_tower, 28},   {Kind::setback_tower, 20}, {Kind::art_deco, 16},
+                                         {Kind::podium_tower, 18},  {Kind::office_block, 12},  {Kind::slab, 4},
+                                         {Kind::parking_garage, 4}, {Kind::domed_hall, 1},     {Kind::church, 0.7}};
+  static constexpr Choice kMidtown[] = {{Kind::walk_up, 26},     {Kind::loft, 18},          {Kind::office_block, 18},
+                                        {Kind::slab, 12},        {Kind::corner_shop, 12},   {Kind::setback_tower, 7},
+                                        {Kind::podium_tower, 3}, {Kind::parking_garage, 3}, {Kind::church, 1},
+                                        {Kind::domed_hall, 1}};
+  static constexpr Choice kOldTown[] = {{Kind::corner_shop, 46}, {Kind::walk_up, 30},  {Kind::loft, 8},
+                                        {Kind::pagoda, 5},       {Kind::row_house, 8}, {Kind::church, 1}};
+  static constexpr Choice kRowhouses[] = {
+      {Kind::row_house, 80}, {Kind::walk_up, 11}, {Kind::corner_shop, 8}, {Kind::church, 0.8}};
+  static constexpr Choice kSuburb[] = {
+      {Kind::cottage, 52}, {Kind::villa, 40}, {Kind::corner_shop, 3}, {Kind::church, 0.8}, {Kind::slab, 2}};
+  static constexpr Choice kHillside[] = {
+      {Kind::villa, 62}, {Kind::cottage, 26}, {Kind::row_house, 6}, {Kind::pagoda, 0.6}};
+  static constexpr Choice kIndustry[] = {
+      {Kind::warehouse, 46}, {Kind::factory, 30}, {Kind::loft, 12}, {Kind::office_block, 8}, {Kind::parking_garage, 4}};
+  static constexpr Choice kHarbour[] = {
+      {Kind::warehouse, 60}, {Kind::factory, 14}, {Kind::loft, 20}, {Kind::office_block, 6}};
   switch (district) {
-    case District::downtown: return kDowntown;
-    case District::midtown: return kMidtown;
-    case District::old_town: return kOldTown;
-    case District::rowhouses: return kRowhouses;
-    case District::suburb: return kSuburb;
-    case District::hillside: return kHillside;
-    case District::industry: return kIndustry;
-    default: return kHarbour;
+    case District::downtown:
+      return kDowntown;
+    case District::midtown:
+      return kMidtown;
+    case District::old_town:
+      return kOldTown;
+    case District::rowhouses:
+      return kRowhouses;
+    case District::suburb:
+      return kSuburb;
+    case District::hillside:
+      return kHillside;
+    case District::industry:
+      return kIndustry;
+    default:
+      return kHarbour;
   }
 }
 
@@ -53,7 +64,7 @@ struct Traits {
   int least_floors, most_floors;
   double floor_m;
   double setback_m, margin_m;
-  bool fills_lot;                  // the footprint is the lot less a margin, whatever its shape; else a rectangle
+  bool fills_lot;  // the footprint is the lot less a margin, whatever its shape; else a rectangle
   std::array<Surface, 8> walls;
   std::array<Surface, 3> trims, roofs;
   std::array<Surface, 4> glass;
@@ -65,20 +76,20 @@ constexpr std::array<Surface, 3> kFlat = {roof_tar, roof_gravel, roof_light};
 constexpr std::array<Surface, 3> kStone = {trim_stone, limestone, concrete_light};
 constexpr std::array<Surface, 3> kPale = {trim_white, trim_stone, trim_dark};
 constexpr std::array<Surface, 3> kTiles = {tile_red, tile_slate, tile_brown};
-constexpr std::array<Surface, 8> kBricks = {brick_red, brick_brown, brick_dark, brick_cream, stone_grey, brick_red,
-                                            plaster_ochre, limestone};
-constexpr std::array<Surface, 8> kStones = {limestone, stone_sand, stone_grey, brick_brown, concrete_light, brick_cream,
-                                            plaster_terracotta, brick_red};
-constexpr std::array<Surface, 8> kPastels = {plaster_white, plaster_cream, plaster_rose, plaster_mint, plaster_sky,
-                                             plaster_lavender, plaster_ochre, plaster_terracotta};
-constexpr std::array<Surface, 8> kPanels = {panel_silver, panel_bronze, panel_blue, concrete_light, concrete_dark,
-                                            metal_light, concrete, limestone};
-constexpr std::array<Surface, 8> kPlain = {concrete_light, concrete, plaster_white, plaster_cream, panel_silver, stone_sand,
-                                           brick_cream, plaster_sky};
-constexpr std::array<Surface, 8> kWood = {wood_white, wood_green, wood_red, plaster_cream, plaster_sky, brick_brown,
-                                          plaster_white, plaster_ochre};
-constexpr std::array<Surface, 8> kSheds = {brick_brown, brick_red, concrete, panel_blue, panel_silver, brick_dark,
-                                           concrete_light, stone_grey};
+constexpr std::array<Surface, 8> kBricks = {brick_red,  brick_brown, brick_dark,    brick_cream,
+                                            stone_grey, brick_red,   plaster_ochre, limestone};
+constexpr std::array<Surface, 8> kStones = {limestone,      stone_sand,  stone_grey,         brick_brown,
+                                            concrete_light, brick_cream, plaster_terracotta, brick_red};
+constexpr std::array<Surface, 8> kPastels = {plaster_white, plaster_cream,    plaster_rose,  plaster_mint,
+                                             plaster_sky,   plaster_lavender, plaster_ochre, plaster_terracotta};
+constexpr std::array<Surface, 8> kPanels = {panel_silver,  panel_bronze, panel_blue, concrete_light,
+                                            concrete_dark, metal_light,  concrete,   limestone};
+constexpr std::array<Surface, 8> kPlain = {concrete_light, concrete,   plaster_white, plaster_cream,
+                                           panel_silver,   stone_sand, brick_cream,   plaster_sky};
+constexpr std::array<Surface, 8> kWood = {wood_white,  wood_green,  wood_red,      plaster_cream,
+                                          plaster_sky, brick_brown, plaster_white, plaster_ochre};
+constexpr std::array<Surface, 8> kSheds = {brick_brown,  brick_red,  concrete,       panel_blue,
+                                           panel_silver, brick_dark, concrete_light, stone_grey};
 
 const Traits& traits(Kind kind) {
   static constexpr std::array<Traits, kKindCount> kTraits = {{
@@ -108,13 +119,25 @@ const Traits& traits(Kind kind) {
 int floors_of(District district, double r, Random& random) {
   double median = 2, sigma = 0.25;
   switch (district) {
-    case District::downtown: median = 11 + 27 * std::exp(-(r / 0.085) * (r / 0.085)), sigma = 0.38; break;
-    case District::midtown: median = 5 + 5 * std::exp(-r / 0.15), sigma = 0.34; break;
-    case District::old_town: median = 3.2, sigma = 0.25; break;
-    case District::rowhouses: median = 2.7; break;
+    case District::downtown:
+      median = 11 + 27 * std::exp(-(r / 0.085) * (r / 0.085)), sigma = 0.38;
+      break;
+    case District::midtown:
+      median = 5 + 5 * std::exp(-r / 0.15), sigma = 0.34;
+      break;
+    case District::old_town:
+      median = 3.2, sigma = 0.25;
+      break;
+    case District::rowhouses:
+      median = 2.7;
+      break;
     case District::industry:
-    case District::harbour: median = 2.4, sigma = 0.4; break;
-    default: median = 1.7; break;
+    case District::harbour:
+      median = 2.4, sigma = 0.4;
+      break;
+    default:
+      median = 1.7;
+      break;
   }
   return std::max(1, static_cast<int>(std::lround(median * std::exp(sigma * random.normal()))));
 }
@@ -128,7 +151,8 @@ bool fits(const Traits& t, const Polygon& footprint) {
   if (footprint.size() < 3) return false;
   const Vec2 along = normalize(footprint[1].at - footprint[0].at);
   return length(footprint[1].at - footprint[0].at) >= t.least_width_m &&
-         extent(footprint, along).size() >= t.least_width_m && extent(footprint, left_of(along)).size() >= t.least_depth_m &&
+         extent(footprint, along).size() >= t.least_width_m &&
+         extent(footprint, left_of(along)).size() >= t.least_depth_m &&
          area(footprint) >= 0.6 * t.least_width_m * t.least_depth_m;
 }
 
@@ -148,7 +172,8 @@ Kind kind_for(const Lot& lot, District district, Random& random) {
     const Kind kind = draw_kind(district, random);
     if (fits(traits(kind), footprint_of(traits(kind), lot))) return kind;
   }
-  const bool is_home = district == District::suburb || district == District::hillside || district == District::rowhouses;
+  const bool is_home =
+      district == District::suburb || district == District::hillside || district == District::rowhouses;
   for (const Kind kind : {is_home ? Kind::cottage : Kind::walk_up, Kind::corner_shop})
     if (fits(traits(kind), footprint_of(traits(kind), lot))) return kind;
   return Kind::count;

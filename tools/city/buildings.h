@@ -11,8 +11,25 @@
 namespace spillway::tools::city {
 
 enum class Kind : uint8_t {
-  glass_tower, setback_tower, art_deco, podium_tower, slab, office_block, walk_up, loft, corner_shop, row_house, villa,
-  cottage, warehouse, factory, parking_garage, church, domed_hall, pagoda, count
+  glass_tower,
+  setback_tower,
+  art_deco,
+  podium_tower,
+  slab,
+  office_block,
+  walk_up,
+  loft,
+  corner_shop,
+  row_house,
+  villa,
+  cottage,
+  warehouse,
+  factory,
+  parking_garage,
+  church,
+  domed_hall,
+  pagoda,
+  count
 };
 inline constexpr size_t kKindCount = static_cast<size_t>(Kind::count);
 [[nodiscard]] const char* name(Kind kind);

@@ -21,8 +21,10 @@ void close_ring(Cage& cage, const Frame& frame, const RingStack& stack, bool hig
   cage.positions.push_back(frame.point(middle + out));
   for (uint32_t i = 0; i < count; i += 2) {
     const uint32_t a = first + i, b = first + (i + 1) % count, c = first + (i + 2) % count;
-    if (high) cage.indices.insert(cage.indices.end(), {a, b, c, centre});
-    else cage.indices.insert(cage.indices.end(), {c, b, a, centre});
+    if (high)
+      cage.indices.insert(cage.indices.end(), {a, b, c, centre});
+    else
+      cage.indices.insert(cage.indices.end(), {c, b, a, centre});
   }
 }
 
@@ -50,10 +52,12 @@ void crease_ring(Cage& cage, const RingStack& stack, size_t ring, float sharpnes
   for (uint32_t i = 0; i < count; ++i) cage.sharp_edges.push_back({{first + i, first + (i + 1) % count}, sharpness});
 }
 
-void crease_column(Cage& cage, const RingStack& stack, size_t point, size_t first_ring, size_t last_ring, float sharpness) {
+void crease_column(Cage& cage, const RingStack& stack, size_t point, size_t first_ring, size_t last_ring,
+                   float sharpness) {
   const size_t count = stack.rings[0].size();
   for (size_t r = first_ring; r < last_ring; ++r)
-    cage.sharp_edges.push_back({{static_cast<uint32_t>(r * count + point), static_cast<uint32_t>((r + 1) * count + point)}, sharpness});
+    cage.sharp_edges.push_back(
+        {{static_cast<uint32_t>(r * count + point), static_cast<uint32_t>((r + 1) * count + point)}, sharpness});
 }
 
 std::vector<Vec3> circle_ring(size_t points, double radius, double z) {
@@ -70,7 +74,8 @@ void dome_cage(Geometry& g, Surface surface, const Frame& frame, double radius, 
   RingStack stack;
   // Out a little over the foot; the limit surface lies inside of the cage.
   stack.rings = {circle_ring(kPoints, radius, z), circle_ring(kPoints, radius * 1.03, z + height * 0.3),
-                 circle_ring(kPoints, radius * 0.86, z + height * 0.68), circle_ring(kPoints, radius * 0.5, z + height * 0.95)};
+                 circle_ring(kPoints, radius * 0.86, z + height * 0.68),
+                 circle_ring(kPoints, radius * 0.5, z + height * 0.95)};
   stack.closed_high = true, stack.high_bulge = height * 0.07;
   Cage cage = ring_cage(surface, frame, stack);
   if (ribs)

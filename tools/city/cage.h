@@ -9,8 +9,9 @@
 
 namespace spillway::tools::city {
 
-// Rings of as many points each, one above the other, joined by faces. The points of a ring go counterclockwise seen from
-// the end of the stack. Where an end is closed its ring is covered by faces around a middle; rings there have even counts.
+// Rings of as many points each, one above the other, joined by faces. The points of a ring go counterclockwise seen
+// from the end of the stack. Where an end is closed its ring is covered by faces around a middle; rings there have even
+// counts.
 struct RingStack {
   std::vector<std::vector<Vec3>> rings;
   bool closed_low = false, closed_high = false;
@@ -20,7 +21,8 @@ struct RingStack {
 
 // Creases along a ring, and along a column of points; sharpness 10 stays sharp.
 void crease_ring(Cage& cage, const RingStack& stack, size_t ring, float sharpness);
-void crease_column(Cage& cage, const RingStack& stack, size_t point, size_t first_ring, size_t last_ring, float sharpness);
+void crease_column(Cage& cage, const RingStack& stack, size_t point, size_t first_ring, size_t last_ring,
+                   float sharpness);
 
 [[nodiscard]] std::vector<Vec3> circle_ring(size_t points, double radius, double z);
 

@@ -13,14 +13,19 @@ constexpr double kTurn = 6.283185307179586;
 constexpr size_t kRing = 8;  // points of a section: bottom, sill, belt, roof on the right, then on the left
 
 struct CarShape {
-  double length, width, height, hood_z, belt_z, hood, windscreen, roof_end, tail;  // metres; the last four from the front
+  double length, width, height, hood_z, belt_z, hood, windscreen, roof_end,
+      tail;  // metres; the last four from the front
 };
 CarShape shape_of(CarKind kind) {
   switch (kind) {
-    case CarKind::hatchback: return {3.9, 1.74, 1.50, 0.88, 0.96, 1.0, 1.75, 3.25, 3.72};
-    case CarKind::van: return {5.2, 1.98, 2.25, 1.05, 1.25, 0.75, 1.45, 4.95, 5.06};
-    case CarKind::pickup: return {5.4, 1.95, 1.80, 1.05, 1.12, 1.3, 2.0, 3.4, 3.75};
-    default: return {4.6, 1.82, 1.44, 0.82, 0.94, 1.25, 2.0, 3.35, 4.05};
+    case CarKind::hatchback:
+      return {3.9, 1.74, 1.50, 0.88, 0.96, 1.0, 1.75, 3.25, 3.72};
+    case CarKind::van:
+      return {5.2, 1.98, 2.25, 1.05, 1.25, 0.75, 1.45, 4.95, 5.06};
+    case CarKind::pickup:
+      return {5.4, 1.95, 1.80, 1.05, 1.12, 1.3, 2.0, 3.4, 3.75};
+    default:
+      return {4.6, 1.82, 1.44, 0.82, 0.94, 1.25, 2.0, 3.35, 4.05};
   }
 }
 
@@ -30,7 +35,8 @@ struct Section {
 
 std::vector<Vec3> section_ring(const CarShape& s, const Section& c) {
   const double x = s.length / 2 - c.from_front, w = s.width / 2, roof = w * c.top_part;
-  return {{x, w * 0.8, 0.22}, {x, w, c.low}, {x, w, c.belt}, {x, roof, c.top}, {x, -roof, c.top}, {x, -w, c.belt}, {x, -w, c.low}, {x, -w * 0.8, 0.22}};
+  return {{x, w * 0.8, 0.22}, {x, w, c.low},   {x, w, c.belt}, {x, roof, c.top},
+          {x, -roof, c.top},  {x, -w, c.belt}, {x, -w, c.low}, {x, -w * 0.8, 0.22}};
 }
 
 // From the tail to the nose.
@@ -80,7 +86,8 @@ void wheel(Geometry& g, double x, double y0, double y1) {
   const double rim = y1 + (y1 > 0 ? 0.01 : -0.01);
   const auto at = [&](int i, double y, double r) {
     const double a = kTurn * (i % kSides) / kSides;
-    return Float3{static_cast<float>(x + r * std::cos(a)), static_cast<float>(y), static_cast<float>(kRadius + r * std::sin(a))};
+    return Float3{static_cast<float>(x + r * std::cos(a)), static_cast<float>(y),
+                  static_cast<float>(kRadius + r * std::sin(a))};
   };
   for (int i = 0; i < kSides; ++i) {
     g.quad(Surface::tyre, at(i, y0, kRadius), at(i + 1, y0, kRadius), at(i + 1, y1, kRadius), at(i, y1, kRadius));

@@ -29,7 +29,9 @@ uint64_t spread(uint64_t x) {
 
 // Neighbours on the ground are neighbours in the order: tiles, meshes and pages are then compact.
 uint64_t morton(Vec2 at, double radius_m) {
-  const auto cell = [&](double v) { return static_cast<uint64_t>(std::clamp((v / radius_m + 2) * 8192, 0.0, 65535.0)); };
+  const auto cell = [&](double v) {
+    return static_cast<uint64_t>(std::clamp((v / radius_m + 2) * 8192, 0.0, 65535.0));
+  };
   return spread(cell(at.x)) | spread(cell(at.y)) << 1;
 }
 
@@ -51,15 +53,21 @@ Result<City> City::plan(const CityOptions& options) {
   const bool by_detail = options.buildings && !options.detail_triangles;
   for (int attempt = 0;; ++attempt) {
     SPILLWAY_ASSIGN(City city, plan_once(wanted));
-    const double ratio = static_cast<double>(options.geometry_bytes) / static_cast<double>(city.predicted_store_bytes());
+    const double ratio =
+        static_cast<double>(options.geometry_bytes) / static_cast<double>(city.predicted_store_bytes());
     if (std::fabs(ratio - 1) < 0.02 || attempt == 4) {
       if (std::fabs(ratio - 1) < 0.1) return city;
-      return error("--geometry of {:.2f} GiB: a city with these counts takes {:.2f} GiB; leave --buildings or --detail open",
-                   static_cast<double>(options.geometry_bytes) / 0x1p30, static_cast<double>(city.predicted_store_bytes()) / 0x1p30);
+      return error(
+          "--geometry of {:.2f} GiB: a city with these counts takes {:.2f} GiB; leave --buildings or --detail open",
+          static_cast<double>(options.geometry_bytes) / 0x1p30,
+          static_cast<double>(city.predicted_store_bytes()) / 0x1p30);
     }
-    if (options.buildings && options.detail_triangles) attempt = 3;  // nothing is left to choose
-    else if (by_detail) wanted.detail_triangles = std::max(1.0, wanted.detail_triangles.value_or(kUsualDetail) * ratio);
-    else wanted.buildings = static_cast<uint64_t>(std::llround(static_cast<double>(city.counts().buildings) * ratio));
+    if (options.buildings && options.detail_triangles)
+      attempt = 3;  // nothing is left to choose
+    else if (by_detail)
+      wanted.detail_triangles = std::max(1.0, wanted.detail_triangles.value_or(kUsualDetail) * ratio);
+    else
+      wanted.buildings = static_cast<uint64_t>(std::llround(static_cast<double>(city.counts().buildings) * ratio));
   }
 }
 
@@ -69,7 +77,9 @@ Result<City> City::plan_once(const CityOptions& options) {
   double radius = std::max(kLeastRadius_m, std::sqrt(static_cast<double>(count) * kBuildingGround_m2 / M_PI));
   for (int attempt = 0; attempt < 16; ++attempt) {
     City city(options, Terrain({options.hills, options.bay, radius, options.seed}));
-    city.plan_options_ = {{options.seed, radius}, options.unique, options.unique < 1 ? design_buildings(options.seed) : std::vector<Building>{}};
+    city.plan_options_ = {{options.seed, radius},
+                          options.unique,
+                          options.unique < 1 ? design_buildings(options.seed) : std::vector<Building>{}};
     city.build_options_.time = options.time;
     const std::optional<double> reach = city.lay_out();
     // Districts lie at parts of the radius, so that it must be where the buildings end.
@@ -86,7 +96,8 @@ Result<City> City::plan_once(const CityOptions& options) {
   return error("{} buildings found no room; try another seed", count);
 }
 
-// Takes the blocks nearest to the centre that hold the buildings. Returns how far they reach; none when the land is too small.
+// Takes the blocks nearest to the centre that hold the buildings. Returns how far they reach; none when the land is too
+// small.
 std::optional<double> City::lay_out() {
   blocks_ = street_plan(plan_options_.streets, terrain_);
   std::vector<uint64_t> lots(blocks_.size());
@@ -187,7 +198,8 @@ Status City::calibrate_detail() {
   const uint64_t least = sample_triangles(0), most = sample_triangles(kMostDetail);
   const bool is_out = wanted < 0.8 * static_cast<double>(least) || wanted > 1.25 * static_cast<double>(most);
   if (options_.detail_triangles && is_out && building_count() > 0)
-    return error("{:.0f} triangles a building: these {} buildings can have {} to {}", wanted, building_count(), least, most);
+    return error("{:.0f} triangles a building: these {} buildings can have {} to {}", wanted, building_count(), least,
+                 most);
   double low = 0, high = kMostDetail;
   for (int i = 0; i < 9; ++i) {
     const double middle = (low + high) / 2;
@@ -244,16 +256,18 @@ void City::survey() {
     for (size_t i = first; i < last; ++i) parts[i] = count_block(i, sizes);
   });
   for (const CityCounts& c : parts) {
-    for (const auto member : {&CityCounts::building_triangles, &CityCounts::ground_triangles, &CityCounts::light_triangles,
-                              &CityCounts::cages, &CityCounts::cage_faces,
-                              &CityCounts::lots, &CityCounts::buildings, &CityCounts::instanced_buildings, &CityCounts::street_lights, &CityCounts::trees,
-                              &CityCounts::cars, &CityCounts::floors, &CityCounts::instanced_triangles})
+    for (const auto member :
+         {&CityCounts::building_triangles, &CityCounts::ground_triangles, &CityCounts::light_triangles,
+          &CityCounts::cages, &CityCounts::cage_faces, &CityCounts::lots, &CityCounts::buildings,
+          &CityCounts::instanced_buildings, &CityCounts::street_lights, &CityCounts::trees, &CityCounts::cars,
+          &CityCounts::floors, &CityCounts::instanced_triangles})
       counts_.*member += c.*member;
     for (size_t i = 0; i < kKindCount; ++i) counts_.kinds[i] += c.kinds[i];
     for (size_t i = 0; i < counts_.districts.size(); ++i) counts_.districts[i] += c.districts[i];
   }
   counts_.blocks = blocks_.size();
-  counts_.instances = counts_.street_lights + counts_.trees + counts_.cars + counts_.sea_tiles + counts_.instanced_buildings;
+  counts_.instances =
+      counts_.street_lights + counts_.trees + counts_.cars + counts_.sea_tiles + counts_.instanced_buildings;
   count_land();
   cut_tiles();
 }
@@ -262,7 +276,8 @@ void City::survey() {
 void City::cut_tiles() {
   for (size_t first = 0; first < blocks_.size();) {
     size_t last = first;
-    for (uint64_t sum = 0; last < blocks_.size() && (last == first || sum + rows_[last].triangles < kTileTriangles); ++last)
+    for (uint64_t sum = 0; last < blocks_.size() && (last == first || sum + rows_[last].triangles < kTileTriangles);
+         ++last)
       sum += rows_[last].triangles;
     tiles_.push_back({first, last});
     first = last;
@@ -270,8 +285,8 @@ void City::cut_tiles() {
 }
 
 uint64_t City::predicted_store_bytes() const {
-  // Measured on cities of 6,000 buildings by day and by night: pages 58.1 and attribute blocks 19.6 bytes a triangle, the
-  // manifest's rows of instances and lights 165 and 85.
+  // Measured on cities of 6,000 buildings by day and by night: pages 58.1 and attribute blocks 19.6 bytes a triangle,
+  // the manifest's rows of instances and lights 165 and 85.
   constexpr double kPerTriangle = 77.7, kPerInstance = 165, kPerLight = 85;
   return static_cast<uint64_t>(static_cast<double>(counts_.unique_triangles()) * kPerTriangle +
                                static_cast<double>(counts_.instances) * kPerInstance +

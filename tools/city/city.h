@@ -3,7 +3,8 @@
 // A city as a function of its options: planned first, then counted, then said to a sink tile by tile.
 //
 // Owns: the plan: a row a block. What stands on a block is made again whenever it is needed.
-// Memory: some hundred bytes a block; while emitting, as many tiles as there are threads, twice, of at most a few hundred
+// Memory: some hundred bytes a block; while emitting, as many tiles as there are threads, twice, of at most a few
+// hundred
 //         thousand triangles each. Independent of the number of triangles.
 // Threads: plan() and emit() use all threads of the current arena; the sink hears one caller, tiles in order.
 // Order: nothing depends on the number of threads.
@@ -26,14 +27,14 @@ inline constexpr uint32_t kFlightFrames = 240;
 inline constexpr uint64_t kUsualBuildings = 1000;
 
 struct CityOptions {
-  std::optional<uint64_t> buildings;         // else kUsualBuildings
-  std::optional<uint64_t> street_lights;     // else 216 for 83 buildings, as in the city that is the measure
-  std::optional<uint64_t> trees, cars;       // else what there is room for, in parts
+  std::optional<uint64_t> buildings;      // else kUsualBuildings
+  std::optional<uint64_t> street_lights;  // else 216 for 83 buildings, as in the city that is the measure
+  std::optional<uint64_t> trees, cars;    // else what there is room for, in parts
   uint64_t seed = 1;
-  std::optional<double> detail_triangles;    // mean of a building; else kUsualDetail, or what comes nearest
-  double unique = 1;                         // share of buildings with geometry of their own; the others are instances
-  bool tessellate = false;                   // cages as triangles, at a fixed rate: scenes without extensions
-  uint64_t geometry_bytes = 0;               // of the store; 0: what comes of it. Else the buildings, or their detail, follow
+  std::optional<double> detail_triangles;  // mean of a building; else kUsualDetail, or what comes nearest
+  double unique = 1;                       // share of buildings with geometry of their own; the others are instances
+  bool tessellate = false;                 // cages as triangles, at a fixed rate: scenes without extensions
+  uint64_t geometry_bytes = 0;  // of the store; 0: what comes of it. Else the buildings, or their detail, follow
   bool hills = true, bay = true;
   TimeOfDay time = TimeOfDay::day;
   CameraKind camera = CameraKind::aerial;
@@ -45,12 +46,14 @@ struct CityCounts {
   uint64_t buildings = 0, blocks = 0, lots = 0, street_lights = 0, trees = 0, cars = 0, sea_tiles = 0;
   std::array<uint64_t, kKindCount> kinds{};
   std::array<uint64_t, static_cast<size_t>(District::count)> districts{};  // buildings
-  uint64_t floors = 0;              // of all buildings
-  uint64_t instanced_buildings = 0;  // of all buildings
+  uint64_t floors = 0;                                                     // of all buildings
+  uint64_t instanced_buildings = 0;                                        // of all buildings
   uint64_t building_triangles = 0, ground_triangles = 0, light_triangles = 0, prototype_triangles = 0;
   uint64_t cages = 0, cage_faces = 0;  // Catmull-Clark; triangles only when they are tessellated
   uint64_t instances = 0, instanced_triangles = 0;
-  [[nodiscard]] uint64_t unique_triangles() const { return building_triangles + ground_triangles + prototype_triangles; }
+  [[nodiscard]] uint64_t unique_triangles() const {
+    return building_triangles + ground_triangles + prototype_triangles;
+  }
 };
 
 class City {

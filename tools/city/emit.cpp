@@ -104,7 +104,8 @@ template <class Numbers, class Visit>
 Status visit_prototypes(const CityCounts& counts, const std::vector<Building>& designs, const BuildOptions& options,
                         Numbers& numbers, const Visit& visit) {
   for (size_t k = 0; k < kLampKinds && counts.street_lights > 0; ++k)
-    SPILLWAY_TRY(visit(fmt::format("lamp{}", k), numbers.lamps[k], [k](Geometry& g) { lamp_post(g, static_cast<LampKind>(k)); }));
+    SPILLWAY_TRY(visit(fmt::format("lamp{}", k), numbers.lamps[k],
+                       [k](Geometry& g) { lamp_post(g, static_cast<LampKind>(k)); }));
   for (size_t k = 0; k < kTreeKinds && counts.trees > 0; ++k)
     for (size_t v = 0; v < kTreeVariants; ++v)
       SPILLWAY_TRY(visit(fmt::format("tree{}_{}", k, v), numbers.trees[k][v],
@@ -116,8 +117,9 @@ Status visit_prototypes(const CityCounts& counts, const std::vector<Building>& d
   if (counts.sea_tiles > 0) SPILLWAY_TRY(visit("sea", numbers.sea, sea_tile));
   numbers.buildings.resize(designs.size());
   for (size_t i = 0; i < designs.size(); ++i)
-    SPILLWAY_TRY(visit(fmt::format("{}{}", name(designs[i].kind), i), numbers.buildings[i],
-                       [&](Geometry& g) { build(g, designs[i], {0, kFoundation_m}, options); }));
+    SPILLWAY_TRY(visit(fmt::format("{}{}", name(designs[i].kind), i), numbers.buildings[i], [&](Geometry& g) {
+      build(g, designs[i], {0, kFoundation_m}, options);
+    }));
   return {};
 }
 
@@ -129,13 +131,14 @@ BuildOptions City::design_options() const {
 }
 
 Status City::emit_prototypes(pipeline::SceneSink& sink, Objects& objects) const {
-  return visit_prototypes(counts_, plan_options_.designs, design_options(), objects, [&](const std::string& name, uint32_t& object, const auto& make) {
-    object = sink.begin_object(name);
-    Geometry g = geometry(Geometry::Mode::keep);
-    make(g);
-    if (g.mesh(Surface::water).normals.empty()) g.weld();
-    return add_geometry(sink, g, {name, object, TimeOfDay::day});
-  });
+  return visit_prototypes(counts_, plan_options_.designs, design_options(), objects,
+                          [&](const std::string& name, uint32_t& object, const auto& make) {
+                            object = sink.begin_object(name);
+                            Geometry g = geometry(Geometry::Mode::keep);
+                            make(g);
+                            if (g.mesh(Surface::water).normals.empty()) g.weld();
+                            return add_geometry(sink, g, {name, object, TimeOfDay::day});
+                          });
 }
 
 ByPrototype<uint64_t> City::count_prototypes() {
@@ -144,13 +147,15 @@ ByPrototype<uint64_t> City::count_prototypes() {
   all.street_lights = all.trees = all.cars = 0;
   for (const Row& row : rows_) all.street_lights += row.lamps, all.trees += row.trees, all.cars += row.cars;
   all.sea_tiles = counts_.sea_tiles = sea_places(terrain_).size();
-  const Status counted = visit_prototypes(all, plan_options_.designs, design_options(), sizes, [&](const std::string&, uint64_t& size, const auto& make) -> Status {
-    Geometry g = geometry(Geometry::Mode::count);
-    make(g);
-    size = g.triangle_count();
-    counts_.prototype_triangles += size, counts_.cages += g.cage_count(), counts_.cage_faces += g.cage_face_count();
-    return {};
-  });
+  const Status counted = visit_prototypes(all, plan_options_.designs, design_options(), sizes,
+                                          [&](const std::string&, uint64_t& size, const auto& make) -> Status {
+                                            Geometry g = geometry(Geometry::Mode::count);
+                                            make(g);
+                                            size = g.triangle_count();
+                                            counts_.prototype_triangles += size, counts_.cages += g.cage_count(),
+                                                counts_.cage_faces += g.cage_face_count();
+                                            return {};
+                                          });
   SPILLWAY_CHECK(static_cast<bool>(counted), ==, true);
   counts_.instanced_triangles = sizes.sea * counts_.sea_tiles;
   return sizes;
@@ -191,26 +196,28 @@ Status City::emit_tiles(pipeline::SceneSink& sink, const Objects& objects) const
   Status status;
   const auto say = [&](const Made& tile) -> Status {
     SPILLWAY_TRY(add_geometry(sink, tile.geometry, {fmt::format("tile{:05}", said), 0, options_.time}));
-    for (const Standing& s : tile.lamps) SPILLWAY_TRY(sink.add_instance(objects.lamps[s.kind], affine(s.frame, s.scale)));
-    for (const Standing& s : tile.trees) SPILLWAY_TRY(sink.add_instance(objects.trees[s.kind][s.variant], affine(s.frame, s.scale)));
-    for (const Standing& s : tile.cars) SPILLWAY_TRY(sink.add_instance(objects.cars[s.kind][s.variant], affine(s.frame, s.scale)));
-    for (const Standing& s : tile.buildings) SPILLWAY_TRY(sink.add_instance(objects.buildings[s.kind], affine(s.frame, s.scale)));
+    for (const Standing& s : tile.lamps)
+      SPILLWAY_TRY(sink.add_instance(objects.lamps[s.kind], affine(s.frame, s.scale)));
+    for (const Standing& s : tile.trees)
+      SPILLWAY_TRY(sink.add_instance(objects.trees[s.kind][s.variant], affine(s.frame, s.scale)));
+    for (const Standing& s : tile.cars)
+      SPILLWAY_TRY(sink.add_instance(objects.cars[s.kind][s.variant], affine(s.frame, s.scale)));
+    for (const Standing& s : tile.buildings)
+      SPILLWAY_TRY(sink.add_instance(objects.buildings[s.kind], affine(s.frame, s.scale)));
     return {};
   };
   using Handed = std::shared_ptr<Made>;
   const auto tokens = static_cast<size_t>(std::clamp(2 * tbb::this_task_arena::max_concurrency(), 2, 16));
   tbb::parallel_pipeline(
-      tokens, tbb::make_filter<void, size_t>(tbb::filter_mode::serial_in_order,
-                                             [&](tbb::flow_control& control) {
-                                               if (next == tiles_.size() || !status) control.stop();
-                                               return next++;
-                                             }) &
-                  tbb::make_filter<size_t, Handed>(tbb::filter_mode::parallel,
-                                                   [&](size_t tile) { return std::make_shared<Made>(make_tile(tile)); }) &
-                  tbb::make_filter<Handed, void>(tbb::filter_mode::serial_in_order, [&](const Handed& tile) {
-                    if (status) status = say(*tile);
-                    ++said;
-                  }));
+      tokens, tbb::make_filter<void, size_t>(tbb::filter_mode::serial_in_order, [&](tbb::flow_control& control) {
+                if (next == tiles_.size() || !status) control.stop();
+                return next++;
+              }) & tbb::make_filter<size_t, Handed>(tbb::filter_mode::parallel, [&](size_t tile) {
+                return std::make_shared<Made>(make_tile(tile));
+              }) & tbb::make_filter<Handed, void>(tbb::filter_mode::serial_in_order, [&](const Handed& tile) {
+                if (status) status = say(*tile);
+                ++said;
+              }));
   return status;
 }
 

@@ -1,6 +1,7 @@
 #pragma once
 
-// Where lamps, trees and cars stand: along kerbs, in parks and gardens, beside pavements. Counts are given, places follow.
+// Where lamps, trees and cars stand: along kerbs, in parks and gardens, beside pavements. Counts are given, places
+// follow.
 
 #include <cstdint>
 #include <vector>
@@ -32,7 +33,8 @@ struct Standing {
 [[nodiscard]] std::vector<Standing> lamps(const Block& block, uint64_t count, const Terrain& terrain);
 // Never inside of a footprint.
 [[nodiscard]] std::vector<Standing> trees(const Block& block, const std::vector<Lot>& lots,
-                                          const std::vector<Building>& buildings, uint64_t count, const Terrain& terrain);
+                                          const std::vector<Building>& buildings, uint64_t count,
+                                          const Terrain& terrain);
 [[nodiscard]] std::vector<Standing> cars(const Block& block, uint64_t count, const Terrain& terrain);
 
 }  // namespace spillway::tools::city

@@ -2,8 +2,8 @@
 
 // Triangles by surface: what a tile, or a prototype, is made of.
 //
-// Local coordinates are metres in double precision (x along a front, y to its left, z up); they become 32-bit floats once,
-// when a triangle is added. A Geometry that only counts goes the same ways and keeps nothing.
+// Local coordinates are metres in double precision (x along a front, y to its left, z up); they become 32-bit floats
+// once, when a triangle is added. A Geometry that only counts goes the same ways and keeps nothing.
 
 #include <array>
 #include <cstdint>
@@ -58,7 +58,7 @@ struct Cage {
   std::vector<Float3> positions;
   std::vector<uint32_t> indices;  // four a face
   std::vector<pipeline::SharpEdge> sharp_edges;
-  std::vector<uint32_t> holes;    // faces without a surface
+  std::vector<uint32_t> holes;  // faces without a surface
 
   [[nodiscard]] uint64_t face_count() const { return indices.size() / 4 - holes.size(); }
 };
@@ -67,7 +67,8 @@ class Geometry {
  public:
   enum class Mode { keep, count };
   // tessellation: 0 when cages stay cages; else they count as the triangles of so many pieces an edge.
-  explicit Geometry(Mode mode = Mode::keep, uint32_t tessellation = 0) : keeps_(mode == Mode::keep), tessellation_(tessellation) {}
+  explicit Geometry(Mode mode = Mode::keep, uint32_t tessellation = 0)
+      : keeps_(mode == Mode::keep), tessellation_(tessellation) {}
 
   // Counter-clockwise seen from outside.
   void triangle(Surface surface, Float3 a, Float3 b, Float3 c);

@@ -26,12 +26,13 @@ std::string manifest_json(const City& city, const CityOptions& options) {
       {"radius_m", city.radius_m()},
       {"buildings_by_kind", kinds},
       {"buildings_by_district", districts},
-      {"triangles", {{"unique", c.unique_triangles()},
-                     {"buildings", c.building_triangles},
-                     {"ground", c.ground_triangles},
-                     {"prototypes", c.prototype_triangles},
-                     {"emitting", c.light_triangles},
-                     {"instanced", c.instanced_triangles}}},
+      {"triangles",
+       {{"unique", c.unique_triangles()},
+        {"buildings", c.building_triangles},
+        {"ground", c.ground_triangles},
+        {"prototypes", c.prototype_triangles},
+        {"emitting", c.light_triangles},
+        {"instanced", c.instanced_triangles}}},
       {"cages", c.cages},
       {"cage_faces", c.cage_faces},
       {"instances", c.instances},
@@ -49,7 +50,8 @@ std::string describe(const City& city) {
       "{} unique triangles, {} more by {} instances, {} that emit light\n"
       "as a store: about {:.2f} GiB of geometry\n",
       c.buildings, c.blocks, city.radius_m() / 1000, mean, c.street_lights, c.trees, c.cars, c.unique_triangles(),
-      c.instanced_triangles, c.instances, c.light_triangles, static_cast<double>(city.predicted_store_bytes()) / 0x1p30);
+      c.instanced_triangles, c.instances, c.light_triangles,
+      static_cast<double>(city.predicted_store_bytes()) / 0x1p30);
 }
 
 }  // namespace spillway::tools::city

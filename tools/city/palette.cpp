@@ -12,8 +12,8 @@ enum class Finish : uint8_t { matte, gloss, mirror, leaf };
 struct Row {
   std::string_view name;
   Finish finish;
-  Rgb colour;       // reflectance
-  float roughness;  // gloss, mirror
+  Rgb colour;             // reflectance
+  float roughness;        // gloss, mirror
   Rgb emission{0, 0, 0};  // at night
 };
 
@@ -124,8 +124,12 @@ pipeline::Material material_of(Surface surface) {
   material.reflectance.constant = row.colour;
   material.u_roughness = material.v_roughness = rough(row.roughness);
   switch (row.finish) {
-    case matte: material.kind = pipeline::MaterialKind::diffuse; break;
-    case gloss: material.kind = pipeline::MaterialKind::coated_diffuse; break;
+    case matte:
+      material.kind = pipeline::MaterialKind::diffuse;
+      break;
+    case gloss:
+      material.kind = pipeline::MaterialKind::coated_diffuse;
+      break;
     case mirror:
       material.kind = pipeline::MaterialKind::conductor;
       material.uses_reflectance = 1;

@@ -27,13 +27,16 @@ std::string roughness(const pipeline::Material& m) {
 // Of the kinds that the palette has.
 std::string parameters(const pipeline::Material& m) {
   switch (m.kind) {
-    case MaterialKind::conductor: return " \"string type\" \"conductor\"" + rgb("reflectance", m.reflectance.constant) + roughness(m);
+    case MaterialKind::conductor:
+      return " \"string type\" \"conductor\"" + rgb("reflectance", m.reflectance.constant) + roughness(m);
     case MaterialKind::coated_diffuse:
-      return " \"string type\" \"coateddiffuse\"" + rgb("reflectance", m.reflectance.constant) + roughness(m) + number("eta", m.eta);
+      return " \"string type\" \"coateddiffuse\"" + rgb("reflectance", m.reflectance.constant) + roughness(m) +
+             number("eta", m.eta);
     case MaterialKind::diffuse_transmission:
       return " \"string type\" \"diffusetransmission\"" + rgb("reflectance", m.reflectance.constant) +
              rgb("transmittance", m.transmittance.constant);
-    default: return " \"string type\" \"diffuse\"" + rgb("reflectance", m.reflectance.constant);
+    default:
+      return " \"string type\" \"diffuse\"" + rgb("reflectance", m.reflectance.constant);
   }
 }
 
@@ -43,7 +46,8 @@ void close_descriptor(int descriptor) { close(descriptor); }
 std::string columns(const Affine3& a) {
   std::string text;
   for (int column = 0; column < 4; ++column)
-    for (int row = 0; row < 4; ++row) text += fmt::format("{} ", row < 3 ? a.m[row][column] : column == 3 ? 1.0f : 0.0f);
+    for (int row = 0; row < 4; ++row)
+      text += fmt::format("{} ", row < 3 ? a.m[row][column] : column == 3 ? 1.0f : 0.0f);
   return text;
 }
 
@@ -58,7 +62,8 @@ std::string ply_header(const pipeline::MeshInput& mesh) {
   text += "property float x\nproperty float y\nproperty float z\n";
   if (!mesh.normals.empty()) text += "property float nx\nproperty float ny\nproperty float nz\n";
   if (!mesh.uvs.empty()) text += "property float u\nproperty float v\n";
-  return text + fmt::format("element face {}\nproperty list uchar int vertex_indices\nend_header\n", mesh.indices.size() / 3);
+  return text +
+         fmt::format("element face {}\nproperty list uchar int vertex_indices\nend_header\n", mesh.indices.size() / 3);
 }
 
 std::vector<std::byte> ply_bytes(const pipeline::MeshInput& mesh) {
@@ -80,17 +85,20 @@ std::vector<std::byte> ply_bytes(const pipeline::MeshInput& mesh) {
 
 std::string settings_text(const pipeline::SceneSettings& s) {
   const Affine3& w = s.camera.world_from_camera;
-  const Float3 x{w.m[0][0], w.m[1][0], w.m[2][0]}, y{w.m[0][1], w.m[1][1], w.m[2][1]}, z{w.m[0][2], w.m[1][2], w.m[2][2]};
+  const Float3 x{w.m[0][0], w.m[1][0], w.m[2][0]}, y{w.m[0][1], w.m[1][1], w.m[2][1]},
+      z{w.m[0][2], w.m[1][2], w.m[2][2]};
   std::string text = dot(cross(x, y), z) < 0 ? "Scale -1 1 1\nLookAt " : "LookAt ";
   for (int row = 0; row < 3; ++row) text += fmt::format("{} ", w.m[row][3]);
   text += " ";
-  for (int row = 0; row < 3; ++row) text += fmt::format("{} ", static_cast<double>(w.m[row][3]) + 100 * static_cast<double>(w.m[row][2]));
+  for (int row = 0; row < 3; ++row)
+    text += fmt::format("{} ", static_cast<double>(w.m[row][3]) + 100 * static_cast<double>(w.m[row][2]));
   text += " ";
   for (int row = 0; row < 3; ++row) text += fmt::format("{} ", w.m[row][1]);
   const double tangent = std::min(s.camera.tan_half_fov_x, s.camera.tan_half_fov_y);
   text += fmt::format("\nCamera \"perspective\" \"float fov\" [ {} ]\n", std::atan(tangent) * 360 / M_PI);
-  text += fmt::format("Film \"rgb\" \"integer xresolution\" [ {} ] \"integer yresolution\" [ {} ] \"string filename\" \"city.exr\"\n",
-                      s.camera.resolution_x_px, s.camera.resolution_y_px);
+  text += fmt::format(
+      "Film \"rgb\" \"integer xresolution\" [ {} ] \"integer yresolution\" [ {} ] \"string filename\" \"city.exr\"\n",
+      s.camera.resolution_x_px, s.camera.resolution_y_px);
   text += fmt::format("Sampler \"sobol\" \"integer pixelsamples\" [ {} ]\n", s.render.samples_per_pixel);
   return text + fmt::format("Integrator \"path\" \"integer maxdepth\" [ {} ]\n", s.render.max_depth);
 }
@@ -105,7 +113,8 @@ Result<std::unique_ptr<PbrtSink>> PbrtSink::create(const fs::path& folder, const
   fs::remove(folder / (main_name + ".pbrt"), code);
   std::unique_ptr<PbrtSink> sink(new PbrtSink());
   sink->folder_ = folder, sink->main_name_ = main_name;
-  for (const auto& [text, name] : {std::pair{&sink->geometry_, "geometry.pbrt"}, {&sink->instances_, "instances.pbrt"}}) {
+  for (const auto& [text, name] :
+       {std::pair{&sink->geometry_, "geometry.pbrt"}, {&sink->instances_, "instances.pbrt"}}) {
     SPILLWAY_ASSIGN(cache::WriteFile file, cache::WriteFile::create(folder / name, cache::IoPurpose::scene));
     text->file = std::make_unique<cache::WriteFile>(std::move(file));
   }
@@ -160,8 +169,8 @@ Result<MaterialId> PbrtSink::add_material(const pipeline::Material& material, st
 Status PbrtSink::add_light(const shading::Light& light) {
   if (light.kind != shading::LightKind::distant) return error("only distant lights are written as pbrt text");
   const Float3 from = light.edge1 * -1.0f;
-  lights_ += fmt::format("LightSource \"distant\"{} \"point3 from\" [ {} {} {} ] \"point3 to\" [ 0 0 0 ]\n", rgb("L", light.radiance),
-                         from.x, from.y, from.z);
+  lights_ += fmt::format("LightSource \"distant\"{} \"point3 from\" [ {} {} {} ] \"point3 to\" [ 0 0 0 ]\n",
+                         rgb("L", light.radiance), from.x, from.y, from.z);
   return {};
 }
 
@@ -222,7 +231,9 @@ Status PbrtSink::add_subdivision(const pipeline::SubdivisionInput& s) {
 
 Status PbrtSink::add_shape(const pipeline::MeshInput& mesh, const std::string& shape) {
   std::string text = fmt::format("NamedMaterial \"{}\"\n{}", material_names_[mesh.material.value], shape);
-  if (mesh.emits) text = fmt::format("AttributeBegin\nAreaLightSource \"diffuse\"{}\n{}AttributeEnd\n", rgb("L", mesh.emission), text);
+  if (mesh.emits)
+    text =
+        fmt::format("AttributeBegin\nAreaLightSource \"diffuse\"{}\n{}AttributeEnd\n", rgb("L", mesh.emission), text);
   if (mesh.object == 0) return append(geometry_, text);
   objects_[mesh.object - 1].text += text;
   return {};
@@ -237,7 +248,8 @@ Status PbrtSink::finish() {
   SPILLWAY_TRY(close(geometry_));
   SPILLWAY_TRY(close(instances_));
   std::string objects;
-  for (const Object& object : objects_) objects += fmt::format("ObjectBegin \"{}\"\n{}ObjectEnd\n", object.name, object.text);
+  for (const Object& object : objects_)
+    objects += fmt::format("ObjectBegin \"{}\"\n{}ObjectEnd\n", object.name, object.text);
   SPILLWAY_TRY(write_whole("objects.pbrt", objects));
   SPILLWAY_TRY(write_whole("materials.pbrt", materials_));
   SPILLWAY_TRY(sync_folder());

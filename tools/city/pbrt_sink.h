@@ -2,7 +2,8 @@
 
 // A scene sink that writes pbrt-v4's text and binary PLY files, without any extension but cages.
 //
-// Owns: the folder's files: materials.pbrt, objects.pbrt, geometry.pbrt, instances.pbrt, geometry/*.ply, and the main file,
+// Owns: the folder's files: materials.pbrt, objects.pbrt, geometry.pbrt, instances.pbrt, geometry/*.ply, and the main
+// file,
 //       which is written last, so that a scene that is half there does not look whole.
 // Memory: one mesh's bytes; the text of the objects.
 // Threads: one caller.

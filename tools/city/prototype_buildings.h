@@ -1,7 +1,7 @@
 #pragma once
 
-// Buildings that stand in more than one place: a few designs of each kind, for the share of the city that has no geometry
-// of its own.
+// Buildings that stand in more than one place: a few designs of each kind, for the share of the city that has no
+// geometry of its own.
 
 #include <vector>
 
@@ -11,14 +11,14 @@ namespace spillway::tools::city {
 
 inline constexpr size_t kDesignsOfKind = 10;
 
-// kDesignsOfKind designs of each kind, in the order of kinds, each with its front left corner at the origin and its front
-// along x.
+// kDesignsOfKind designs of each kind, in the order of kinds, each with its front left corner at the origin and its
+// front along x.
 [[nodiscard]] std::vector<Building> design_buildings(uint64_t seed);
 
 // A design of the kind of `drawn` that stands on the lot, and that `refused` takes; none when nothing fits.
 template <class Refused>
-[[nodiscard]] std::optional<Building> place_design(const std::vector<Building>& designs, const Building& drawn, const Lot& lot,
-                                                   const Refused& refused);
+[[nodiscard]] std::optional<Building> place_design(const std::vector<Building>& designs, const Building& drawn,
+                                                   const Lot& lot, const Refused& refused);
 
 // ---- inline ----
 

@@ -33,7 +33,8 @@ void crown(Geometry& g, Surface surface, Vec3 middle, Vec3 radii, int clumps, in
     const double clump = random.between(0.28, 0.5) * std::min({radii.x, radii.y, radii.z});
     for (int i = 0; i < leaves; ++i) {
       const Vec3 e = random_direction(random);
-      leaf(g, surface, heart + e * (clump * std::cbrt(random.between(0.15, 1))), size * random.between(0.7, 1.3), random);
+      leaf(g, surface, heart + e * (clump * std::cbrt(random.between(0.15, 1))), size * random.between(0.7, 1.3),
+           random);
     }
   }
 }
@@ -43,7 +44,8 @@ void trunk(Geometry& g, double height, double radius, int branches, double reach
   const Frame f;
   RingStack stack;
   const Vec2 lean = direction_of(random.between(0, kTurn)) * (0.05 * height);
-  const std::pair<double, double> rings[] = {{-0.25, 2.1}, {0.05, 1.45}, {0.5, 1.1}, {height * 0.55, 0.95}, {height, 0.62}};
+  const std::pair<double, double> rings[] = {
+      {-0.25, 2.1}, {0.05, 1.45}, {0.5, 1.1}, {height * 0.55, 0.95}, {height, 0.62}};
   for (const auto& [z, wide] : rings) {
     stack.rings.push_back(circle_ring(8, radius * wide, z));
     const double part = std::max(0.0, z / height) * (1 - std::max(0.0, z / height));
@@ -100,7 +102,8 @@ void tree(Geometry& g, TreeKind kind, int variant) {
     case TreeKind::blossom:
       trunk(g, 1.9 * grow, 0.15, 7, 1.7, random);
       return crown(g, Surface::leaf_blossom, {0, 0, 4.1 * grow}, {2.8, 2.7, 1.7 * grow}, 48, 48, 0.17, random);
-    default: break;
+    default:
+      break;
   }
   trunk(g, 7.5 * grow, 0.2, 0, 0, random);
   for (int ring = 0; ring < 13; ++ring) {

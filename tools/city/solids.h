@@ -7,10 +7,10 @@
 namespace spillway::tools::city {
 
 enum BoxFace : unsigned {
-  kFront = 1,   // y low
-  kBack = 2,    // y high
-  kLeft = 4,    // x low
-  kRight = 8,   // x high
+  kFront = 1,  // y low
+  kBack = 2,   // y high
+  kLeft = 4,   // x low
+  kRight = 8,  // x high
   kTop = 16,
   kBottom = 32,
   kSides = kFront | kBack | kLeft | kRight,
@@ -34,6 +34,7 @@ void beam(Geometry& g, Surface surface, const Frame& frame, Vec3 from, Vec3 to, 
 // Over the rectangle [0, width] x [0, depth] at z, ridge along x; eaves stand out by `eaves`. Gables are of `wall`.
 void gable_roof(Geometry& g, Surface roof, Surface wall, const Frame& frame, double width, double depth, double z,
                 double rise, double eaves);
-void hip_roof(Geometry& g, Surface roof, const Frame& frame, double width, double depth, double z, double rise, double eaves);
+void hip_roof(Geometry& g, Surface roof, const Frame& frame, double width, double depth, double z, double rise,
+              double eaves);
 
 }  // namespace spillway::tools::city
