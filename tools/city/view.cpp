@@ -143,7 +143,6 @@ shading::Light sun(TimeOfDay time) {
   shading::Light light{};
   light.kind = shading::LightKind::distant;
   light.edge1 = towards_sun(time) * -1.0f;
-  light.normal_sign = 1;
   switch (time) {
     case TimeOfDay::day:
       light.radiance = {4.3f, 3.8f, 3.05f};
