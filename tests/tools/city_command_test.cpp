@@ -49,7 +49,7 @@ class CityCommand : public testing::Test {
 
 TEST_F(CityCommand, text_and_store_are_rendered_and_counted_alike) {
   const std::string options =
-      " --buildings 30 --street-lights 60 --trees 20 --cars 10 --detail 900 --time dusk --camera street";
+      " --buildings 30 --street-lights 60 --trees 20 --cars 10 --detail 900 --time dusk --camera street --tessellate";
   const Ended text = spillway("city -o text" + options), store = spillway("city -o packed --format store" + options);
   ASSERT_EQ(text.code, 0) << text.said;
   ASSERT_EQ(store.code, 0) << store.said;

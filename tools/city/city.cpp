@@ -4,6 +4,7 @@
 
 #include "cache/base/parallel.h"
 #include "tools/city/ground.h"
+#include "tools/city/lanterns.h"
 #include "tools/city/prototype_buildings.h"
 #include "tools/city/random.h"
 
@@ -38,6 +39,12 @@ uint64_t morton(Vec2 at, double radius_m) {
 // The share of the block that ends at `cumulative` when `count` things are spread over `whole`; exact, monotonic.
 uint64_t spread_until(uint64_t count, uint64_t cumulative, uint64_t whole) {
   return whole == 0 ? 0 : count / whole * cumulative + count % whole * cumulative / whole;
+}
+
+Standing standing_design(const Building& b, const Terrain& terrain) {
+  const Vec2 corner = b.footprint[0].at;
+  const Frame frame{{corner.x, corner.y, ground_of(b, terrain).floor_z}, normalize(b.footprint[1].at - corner)};
+  return {frame, 1, kFirstDesign + b.design};
 }
 
 }  // namespace
@@ -167,6 +174,12 @@ City::Contents City::contents(size_t index) const {
   contents.lamps = lamps(block, row.lamps, terrain_);
   contents.trees = trees(block, contents.lots, contents.buildings, row.trees, terrain_);
   contents.cars = cars(block, row.cars, terrain_);
+  for (const LanternString& string : lantern_strings(block, terrain_)) {
+    const std::vector<Standing> hanging = lanterns_on(string, key_of(block.key, contents.lanterns.size()));
+    contents.lanterns.insert(contents.lanterns.end(), hanging.begin(), hanging.end());
+  }
+  for (const Building& b : contents.buildings)
+    if (b.design != kNoDesign) contents.instanced_buildings.push_back(standing_design(b, terrain_));
   return contents;
 }
 
@@ -216,7 +229,7 @@ void City::make_buildings(Geometry& g, const Contents& contents) const {
 
 void City::make_ground(Geometry& g, size_t index, const Contents& contents) const {
   block_ground(g, blocks_[index], contents.lots, terrain_);
-  for (const Standing& lamp : contents.lamps) lamp_head(g, static_cast<LampKind>(lamp.kind), lamp.frame);
+  for (const LanternString& string : lantern_strings(blocks_[index], terrain_)) string_cable(g, string);
 }
 
 void City::count_surfaces(CityCounts& counts, const Geometry& g) const {
@@ -226,8 +239,9 @@ void City::count_surfaces(CityCounts& counts, const Geometry& g) const {
       counts.light_triangles += g.triangle_count(surface);
 }
 
-CityCounts City::count_block(size_t index, const ByPrototype<uint64_t>& sizes) {
-  CityCounts c;
+City::BlockCounts City::count_block(size_t index) {
+  BlockCounts block;
+  CityCounts& c = block.counts;
   const Contents contents = City::contents(index);
   Geometry g = geometry(Geometry::Mode::count);
   make_buildings(g, contents);
@@ -237,38 +251,38 @@ CityCounts City::count_block(size_t index, const ByPrototype<uint64_t>& sizes) {
   count_surfaces(c, g);
   c.lots = contents.lots.size(), c.buildings = contents.buildings.size();
   c.street_lights = contents.lamps.size(), c.trees = contents.trees.size(), c.cars = contents.cars.size();
-  for (const Standing& s : contents.lamps) c.instanced_triangles += sizes.lamps[s.kind];
-  for (const Standing& s : contents.trees) c.instanced_triangles += sizes.trees[s.kind][s.variant];
-  for (const Standing& s : contents.cars) c.instanced_triangles += sizes.cars[s.kind][s.variant];
+  c.lanterns = contents.lanterns.size(), c.instanced_buildings = contents.instanced_buildings.size();
+  block.used.resize(kFirstDesign + plan_options_.designs.size());
+  for (const auto* standing : {&contents.lamps, &contents.trees, &contents.cars, &contents.lanterns, &contents.instanced_buildings})
+    for (const Standing& s : *standing) ++block.used[s.prototype];
   for (const Building& b : contents.buildings) {
-    if (b.design != kNoDesign) ++c.instanced_buildings, c.instanced_triangles += sizes.buildings[b.design];
     ++c.kinds[static_cast<size_t>(b.kind)], ++c.districts[static_cast<size_t>(b.district)];
     c.floors += static_cast<uint64_t>(b.floors);
   }
   rows_[index].triangles = g.triangle_count();
-  return c;
+  return block;
 }
 
 void City::survey() {
-  const ByPrototype<uint64_t> sizes = count_prototypes();
-  std::vector<CityCounts> parts(blocks_.size());
+  std::vector<BlockCounts> parts(blocks_.size());
   parallel_blocks(blocks_.size(), 4, [&](size_t, size_t first, size_t last) {
-    for (size_t i = first; i < last; ++i) parts[i] = count_block(i, sizes);
+    for (size_t i = first; i < last; ++i) parts[i] = count_block(i);
   });
-  for (const CityCounts& c : parts) {
-    for (const auto member :
-         {&CityCounts::building_triangles, &CityCounts::ground_triangles, &CityCounts::light_triangles,
-          &CityCounts::cages, &CityCounts::cage_faces, &CityCounts::lots, &CityCounts::buildings,
-          &CityCounts::instanced_buildings, &CityCounts::street_lights, &CityCounts::trees, &CityCounts::cars,
-          &CityCounts::floors, &CityCounts::instanced_triangles})
+  used_.resize(kFirstDesign + plan_options_.designs.size());
+  for (const BlockCounts& part : parts) {
+    const CityCounts& c = part.counts;
+    for (const auto member : {&CityCounts::building_triangles, &CityCounts::ground_triangles, &CityCounts::light_triangles,
+                              &CityCounts::cages, &CityCounts::cage_faces, &CityCounts::lots, &CityCounts::buildings,
+                              &CityCounts::instanced_buildings, &CityCounts::street_lights, &CityCounts::trees,
+                              &CityCounts::cars, &CityCounts::lanterns, &CityCounts::floors})
       counts_.*member += c.*member;
     for (size_t i = 0; i < kKindCount; ++i) counts_.kinds[i] += c.kinds[i];
     for (size_t i = 0; i < counts_.districts.size(); ++i) counts_.districts[i] += c.districts[i];
+    for (size_t i = 0; i < used_.size(); ++i) used_[i] += part.used[i];
   }
   counts_.blocks = blocks_.size();
-  counts_.instances =
-      counts_.street_lights + counts_.trees + counts_.cars + counts_.sea_tiles + counts_.instanced_buildings;
   count_land();
+  count_prototypes();
   cut_tiles();
 }
 

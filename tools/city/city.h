@@ -43,7 +43,8 @@ struct CityOptions {
 
 // Exact: counted by making everything once.
 struct CityCounts {
-  uint64_t buildings = 0, blocks = 0, lots = 0, street_lights = 0, trees = 0, cars = 0, sea_tiles = 0;
+  uint64_t buildings = 0, blocks = 0, lots = 0, street_lights = 0, trees = 0, cars = 0, lanterns = 0;
+  uint64_t boats = 0, sea_tiles = 0;
   std::array<uint64_t, kKindCount> kinds{};
   std::array<uint64_t, static_cast<size_t>(District::count)> districts{};  // buildings
   uint64_t floors = 0;                                                     // of all buildings
@@ -75,7 +76,8 @@ class City {
   struct Contents {
     std::vector<Lot> lots;
     std::vector<Building> buildings;  // of the first lots
-    std::vector<Standing> lamps, trees, cars;
+    std::vector<Standing> lamps, trees, cars, lanterns;
+    std::vector<Standing> instanced_buildings;
   };
   [[nodiscard]] size_t block_count() const { return blocks_.size(); }
   [[nodiscard]] const Block& block(size_t index) const { return blocks_[index]; }
@@ -88,8 +90,12 @@ class City {
   struct Tile {
     size_t first_block, last_block;
   };
-  using Objects = ByPrototype<uint32_t>;
+  using Objects = std::vector<uint32_t>;  // by number in the catalogue; 0 for what stands nowhere
   struct Made;
+  struct BlockCounts {
+    CityCounts counts;
+    std::vector<uint64_t> used;  // by number in the catalogue
+  };
 
   [[nodiscard]] Geometry geometry(Geometry::Mode mode) const {
     return Geometry(mode, options_.tessellate ? kTessellation : 0);
@@ -106,13 +112,12 @@ class City {
   void make_buildings(Geometry& g, const Contents& contents) const;
   void make_ground(Geometry& g, size_t index, const Contents& contents) const;
   [[nodiscard]] uint64_t sample_triangles(double detail) const;
-  // Counts them, and says how many triangles each has.
-  ByPrototype<uint64_t> count_prototypes();
+  [[nodiscard]] std::vector<Standing> at_sea() const;
+  void count_prototypes();
   void make_land(Geometry& g, int part) const;
   void count_land();
-  [[nodiscard]] CityCounts count_block(size_t index, const ByPrototype<uint64_t>& sizes);
+  [[nodiscard]] BlockCounts count_block(size_t index);
   void cut_tiles();
-  [[nodiscard]] BuildOptions design_options() const;
   void emit_cameras(pipeline::SceneSink& sink) const;
   Status emit_prototypes(pipeline::SceneSink& sink, Objects& objects) const;
   Status emit_tiles(pipeline::SceneSink& sink, const Objects& objects) const;
@@ -125,6 +130,7 @@ class City {
   BuildingPlan plan_options_;
   std::vector<Block> blocks_;
   std::vector<Row> rows_;
+  std::vector<uint64_t> used_;  // how often each of the catalogue stands somewhere
   std::vector<Tile> tiles_;
   CityCounts counts_;
 };

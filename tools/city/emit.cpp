@@ -6,10 +6,10 @@
 #include <algorithm>
 #include <memory>
 
-#include "cache/base/check.h"
 #include "tools/city/cage.h"
 #include "tools/city/city.h"
 #include "tools/city/ground.h"
+#include "tools/city/random.h"
 #include "tools/city/waterfront.h"
 
 namespace spillway::tools::city {
@@ -36,7 +36,7 @@ Status add_light(pipeline::SceneSink& sink, TimeOfDay time, const std::filesyste
   return sink.add_light(sun(time));
 }
 
-// Where a geometry goes: the world, or an object; lights do not shine in objects.
+// Where a geometry goes: the world, or an object.
 struct Place {
   std::string name;
   uint32_t object;
@@ -87,78 +87,53 @@ Status add_geometry(pipeline::SceneSink& sink, const Geometry& g, const Place& p
   return add_cages(sink, g, place);
 }
 
-Standing standing_design(const Building& b, const Terrain& terrain) {
-  const Vec2 corner = b.footprint[0].at;
-  return {{{corner.x, corner.y, ground_of(b, terrain).floor_z}, normalize(b.footprint[1].at - corner)}, 1, b.design, 0};
-}
-
 }  // namespace
 
 struct City::Made {
   Geometry geometry;
-  std::vector<Standing> lamps, trees, cars, buildings;  // kind of a building: its design
+  std::vector<Standing> standing;
 };
 
-// Calls visit(name, member, make) for each prototype that stands somewhere; member is its place in a ByPrototype.
-template <class Numbers, class Visit>
-Status visit_prototypes(const CityCounts& counts, const std::vector<Building>& designs, const BuildOptions& options,
-                        Numbers& numbers, const Visit& visit) {
-  for (size_t k = 0; k < kLampKinds && counts.street_lights > 0; ++k)
-    SPILLWAY_TRY(visit(fmt::format("lamp{}", k), numbers.lamps[k],
-                       [k](Geometry& g) { lamp_post(g, static_cast<LampKind>(k)); }));
-  for (size_t k = 0; k < kTreeKinds && counts.trees > 0; ++k)
-    for (size_t v = 0; v < kTreeVariants; ++v)
-      SPILLWAY_TRY(visit(fmt::format("tree{}_{}", k, v), numbers.trees[k][v],
-                         [k, v](Geometry& g) { tree(g, static_cast<TreeKind>(k), static_cast<int>(v)); }));
-  for (size_t k = 0; k < kCarKinds && counts.cars > 0; ++k)
-    for (size_t v = 0; v < kCarPaints; ++v)
-      SPILLWAY_TRY(visit(fmt::format("car{}_{}", k, v), numbers.cars[k][v],
-                         [k, v](Geometry& g) { car(g, static_cast<CarKind>(k), static_cast<int>(v)); }));
-  if (counts.sea_tiles > 0) SPILLWAY_TRY(visit("sea", numbers.sea, sea_tile));
-  numbers.buildings.resize(designs.size());
-  for (size_t i = 0; i < designs.size(); ++i)
-    SPILLWAY_TRY(visit(fmt::format("{}{}", name(designs[i].kind), i), numbers.buildings[i], [&](Geometry& g) {
-      build(g, designs[i], {0, kFoundation_m}, options);
-    }));
-  return {};
-}
-
-// What is instanced does not shine yet: lights have their own places.
-BuildOptions City::design_options() const {
-  BuildOptions options = build_options_;
-  options.time = TimeOfDay::day;
-  return options;
+std::vector<Standing> City::at_sea() const {
+  std::vector<Standing> standing;
+  for (const Vec2 at : sea_places(terrain_)) standing.push_back({{{at.x, at.y, 0}}, 1, kSeaPrototype});
+  if (building_count() == 0) return standing;
+  for (const Frame& place : boat_places(terrain_, options_.seed)) {
+    const double drawn = Random(key_of(options_.seed, standing.size())).unit();
+    const BoatKind kind = drawn < 0.6 ? BoatKind::sailboat : drawn < 0.85 ? BoatKind::trawler : BoatKind::ferry;
+    standing.push_back({place, 1, kFirstBoat + static_cast<uint32_t>(kind)});
+  }
+  return standing;
 }
 
 Status City::emit_prototypes(pipeline::SceneSink& sink, Objects& objects) const {
-  return visit_prototypes(counts_, plan_options_.designs, design_options(), objects,
-                          [&](const std::string& name, uint32_t& object, const auto& make) {
-                            object = sink.begin_object(name);
-                            Geometry g = geometry(Geometry::Mode::keep);
-                            make(g);
-                            if (g.mesh(Surface::water).normals.empty()) g.weld();
-                            return add_geometry(sink, g, {name, object, TimeOfDay::day});
-                          });
+  const std::vector<Prototype> all = catalogue(plan_options_.designs, build_options_);
+  objects.assign(all.size(), 0);
+  for (size_t i = 0; i < all.size(); ++i) {
+    if (used_[i] == 0) continue;
+    objects[i] = sink.begin_object(all[i].name);
+    Geometry g = geometry(Geometry::Mode::keep);
+    all[i].make(g);
+    if (i != kSeaPrototype) g.weld();  // the sea has normals
+    SPILLWAY_TRY(add_geometry(sink, g, {all[i].name, objects[i], options_.time}));
+  }
+  return {};
 }
 
-ByPrototype<uint64_t> City::count_prototypes() {
-  ByPrototype<uint64_t> sizes;
-  CityCounts all;  // whatever may stand somewhere: what is planned is known
-  all.street_lights = all.trees = all.cars = 0;
-  for (const Row& row : rows_) all.street_lights += row.lamps, all.trees += row.trees, all.cars += row.cars;
-  all.sea_tiles = counts_.sea_tiles = sea_places(terrain_).size();
-  const Status counted = visit_prototypes(all, plan_options_.designs, design_options(), sizes,
-                                          [&](const std::string&, uint64_t& size, const auto& make) -> Status {
-                                            Geometry g = geometry(Geometry::Mode::count);
-                                            make(g);
-                                            size = g.triangle_count();
-                                            counts_.prototype_triangles += size, counts_.cages += g.cage_count(),
-                                                counts_.cage_faces += g.cage_face_count();
-                                            return {};
-                                          });
-  SPILLWAY_CHECK(static_cast<bool>(counted), ==, true);
-  counts_.instanced_triangles = sizes.sea * counts_.sea_tiles;
-  return sizes;
+void City::count_prototypes() {
+  for (const Standing& s : at_sea()) {
+    ++used_[s.prototype];
+    ++(s.prototype == kSeaPrototype ? counts_.sea_tiles : counts_.boats);
+  }
+  const std::vector<Prototype> all = catalogue(plan_options_.designs, build_options_);
+  for (size_t i = 0; i < all.size(); ++i) {
+    if (used_[i] == 0) continue;
+    Geometry g = geometry(Geometry::Mode::count);
+    all[i].make(g);
+    counts_.prototype_triangles += g.triangle_count();
+    counts_.instances += used_[i], counts_.instanced_triangles += used_[i] * g.triangle_count();
+    count_surfaces(counts_, g);
+  }
 }
 
 void City::make_land(Geometry& g, int part) const {
@@ -176,16 +151,13 @@ void City::count_land() {
 }
 
 City::Made City::make_tile(size_t tile) const {
-  Made made{geometry(Geometry::Mode::keep), {}, {}, {}, {}};
+  Made made{geometry(Geometry::Mode::keep), {}};
   for (size_t i = tiles_[tile].first_block; i < tiles_[tile].last_block; ++i) {
-    const Contents contents = City::contents(i);
-    make_buildings(made.geometry, contents);
-    make_ground(made.geometry, i, contents);
-    made.lamps.insert(made.lamps.end(), contents.lamps.begin(), contents.lamps.end());
-    made.trees.insert(made.trees.end(), contents.trees.begin(), contents.trees.end());
-    for (const Building& b : contents.buildings)
-      if (b.design != kNoDesign) made.buildings.push_back(standing_design(b, terrain_));
-    made.cars.insert(made.cars.end(), contents.cars.begin(), contents.cars.end());
+    const Contents c = contents(i);
+    make_buildings(made.geometry, c);
+    make_ground(made.geometry, i, c);
+    for (const auto* standing : {&c.lamps, &c.trees, &c.cars, &c.lanterns, &c.instanced_buildings})
+      made.standing.insert(made.standing.end(), standing->begin(), standing->end());
   }
   made.geometry.weld();
   return made;
@@ -196,14 +168,8 @@ Status City::emit_tiles(pipeline::SceneSink& sink, const Objects& objects) const
   Status status;
   const auto say = [&](const Made& tile) -> Status {
     SPILLWAY_TRY(add_geometry(sink, tile.geometry, {fmt::format("tile{:05}", said), 0, options_.time}));
-    for (const Standing& s : tile.lamps)
-      SPILLWAY_TRY(sink.add_instance(objects.lamps[s.kind], affine(s.frame, s.scale)));
-    for (const Standing& s : tile.trees)
-      SPILLWAY_TRY(sink.add_instance(objects.trees[s.kind][s.variant], affine(s.frame, s.scale)));
-    for (const Standing& s : tile.cars)
-      SPILLWAY_TRY(sink.add_instance(objects.cars[s.kind][s.variant], affine(s.frame, s.scale)));
-    for (const Standing& s : tile.buildings)
-      SPILLWAY_TRY(sink.add_instance(objects.buildings[s.kind], affine(s.frame, s.scale)));
+    for (const Standing& s : tile.standing)
+      SPILLWAY_TRY(sink.add_instance(objects[s.prototype], affine(s.frame, s.scale)));
     return {};
   };
   using Handed = std::shared_ptr<Made>;
@@ -228,7 +194,7 @@ Status City::emit_land(pipeline::SceneSink& sink, const Objects& objects) const 
     g.weld();
     SPILLWAY_TRY(add_geometry(sink, g, {fmt::format("land{:02}", part), 0, options_.time}));
   }
-  for (const Vec2 at : sea_places(terrain_)) SPILLWAY_TRY(sink.add_instance(objects.sea, affine({{at.x, at.y, 0}}, 1)));
+  for (const Standing& s : at_sea()) SPILLWAY_TRY(sink.add_instance(objects[s.prototype], affine(s.frame, s.scale)));
   return {};
 }
 

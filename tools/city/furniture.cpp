@@ -79,8 +79,8 @@ Standing tree_at(const Block& block, Vec2 at, const Terrain& terrain, Random& ra
   Standing tree;
   tree.frame = {on_ground(terrain, at, kKerbHeight_m), direction_of(random.between(0, kTurn))};
   tree.scale = random.between(0.75, 1.2);
-  tree.kind = static_cast<uint32_t>(tree_kind(block, random));
-  tree.variant = random.below(kTreeVariants);
+  const TreeKind kind = tree_kind(block, random);
+  tree.prototype = tree_prototype(kind, random.below(kTreeVariants));
   return tree;
 }
 
@@ -125,8 +125,7 @@ std::vector<Standing> lamps(const Block& block, uint64_t count, const Terrain& t
     const Vec2 outwards = left_of(way.along) * -1;
     standing.push_back({{on_ground(terrain, way.at, kKerbHeight_m), outwards},
                         1,
-                        static_cast<uint32_t>(lamp_kind(block.district)),
-                        0});
+                        static_cast<uint32_t>(lamp_kind(block.district))});
   }
   return standing;
 }
@@ -179,7 +178,7 @@ std::vector<Standing> cars(const Block& block, uint64_t count, const Terrain& te
                                           : CarKind::pickup;
       // Traffic keeps to the right: the kerb is at the car's right hand.
       standing.push_back(
-          {{on_ground(terrain, at, 0.01), along}, 1, static_cast<uint32_t>(kind), random.below(kCarPaints)});
+          {{on_ground(terrain, at, 0.01), along}, 1, car_prototype(kind, random.below(kCarPaints))});
     }
   }
   return standing;

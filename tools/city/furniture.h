@@ -7,8 +7,8 @@
 #include <vector>
 
 #include "tools/city/buildings.h"
+#include "tools/city/catalogue.h"
 #include "tools/city/geometry.h"
-#include "tools/city/prototypes.h"
 #include "tools/city/terrain.h"
 
 namespace spillway::tools::city {
@@ -22,12 +22,6 @@ struct Room {
   uint64_t car_count = 0;   // places beside the kerb
 };
 [[nodiscard]] Room room_of(const Block& block, const std::vector<Lot>& lots);
-
-struct Standing {
-  Frame frame;
-  double scale = 1;
-  uint32_t kind = 0, variant = 0;  // of its prototype
-};
 
 [[nodiscard]] LampKind lamp_kind(District district);
 [[nodiscard]] std::vector<Standing> lamps(const Block& block, uint64_t count, const Terrain& terrain);

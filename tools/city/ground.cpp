@@ -289,4 +289,18 @@ std::vector<Vec2> sea_places(const Terrain& terrain) {
   return places;
 }
 
+std::vector<Frame> boat_places(const Terrain& terrain, uint64_t seed) {
+  std::vector<Frame> places;
+  if (!terrain.has_bay()) return places;
+  const double r = terrain.radius_m();
+  const int count = std::clamp(static_cast<int>(r / 40), 8, 150);
+  for (int i = 0; i < count; ++i) {
+    Random random(key_of(seed, 0xb0a7 + static_cast<uint64_t>(i)));
+    const double x = r * random.between(-0.75, 0.8), out = random.unit();
+    const Vec2 at{x, terrain.shore_y(x) - r * (0.21 + 0.7 * out * out)};
+    if (terrain.height(at) < -6) places.push_back({{at.x, at.y, 0}, direction_of(random.between(0, kTurn))});
+  }
+  return places;
+}
+
 }  // namespace spillway::tools::city

@@ -22,6 +22,8 @@ std::string manifest_json(const City& city, const CityOptions& options) {
       {"street_lights", c.street_lights},
       {"trees", c.trees},
       {"cars", c.cars},
+      {"lanterns", c.lanterns},
+      {"boats", c.boats},
       {"sea_tiles", c.sea_tiles},
       {"radius_m", city.radius_m()},
       {"buildings_by_kind", kinds},

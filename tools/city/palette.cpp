@@ -75,6 +75,7 @@ constexpr std::array kRows = {
     Row{"sign_amber", matte, {0.05f, 0.05f, 0.05f}, 0, {4.2f, 1.8f, 0.25f}},
     Row{"sign_green", matte, {0.05f, 0.05f, 0.05f}, 0, {0.4f, 2.8f, 1.0f}},
     Row{"beacon", matte, {0.4f, 0.03f, 0.02f}, 0, {60.0f, 3.0f, 1.5f}},
+    Row{"lantern", matte, {0.55f, 0.06f, 0.03f}, 0, {3.0f, 0.62f, 0.16f}},
     Row{"lamp_head", matte, {0.7f, 0.68f, 0.6f}, 0, {700.0f, 450.0f, 200.0f}},
     Row{"asphalt", matte, {0.075f, 0.075f, 0.08f}, 0},
     Row{"marking_white", matte, {0.60f, 0.60f, 0.58f}, 0},

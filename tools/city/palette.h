@@ -71,7 +71,7 @@ enum class Surface : uint8_t {
   sign_cyan,
   sign_amber,
   sign_green,
-  beacon,
+  beacon, lantern,
   lamp_head,
   // ground
   asphalt,

@@ -65,7 +65,7 @@ void trunk(Geometry& g, double height, double radius, int branches, double reach
 
 }  // namespace
 
-void lamp_post(Geometry& g, LampKind kind) {
+void lamp(Geometry& g, LampKind kind) {
   const Frame f;
   const double top = kind == LampKind::arm ? 8.2 : 4.0;
   cone(g, Surface::metal_dark, f, 8, 0.22, -0.2, 0.18, 0.9);
@@ -74,6 +74,7 @@ void lamp_post(Geometry& g, LampKind kind) {
     beam(g, Surface::metal_dark, f, {0, 0, top - 0.6}, {0.9, 0, top}, 0.08);
     beam(g, Surface::metal_dark, f, {0.9, 0, top}, {2.0, 0, top + 0.1}, 0.08);
     box(g, Surface::metal_dark, f, {1.6, -0.16, top + 0.08}, {2.4, 0.16, top + 0.24}, kAllFaces);
+    octahedron(g, Surface::lamp_head, f.at({2.0, 0, top}), 0.26, 0.13);
     return;
   }
   cone(g, Surface::metal_dark, f, 8, 0.12, top, 0.24, top + 0.12);
@@ -82,11 +83,7 @@ void lamp_post(Geometry& g, LampKind kind) {
     beam(g, Surface::metal_dark, f, {d.x * 0.2, d.y * 0.2, top + 0.1}, {d.x * 0.26, d.y * 0.26, top + 0.68}, 0.035);
   }
   cone(g, Surface::metal_dark, f, 8, 0.36, top + 0.68, 0, top + 0.98);
-}
-
-void lamp_head(Geometry& g, LampKind kind, const Frame& frame) {
-  if (kind == LampKind::arm) return octahedron(g, Surface::lamp_head, frame.at({2.0, 0, 8.2}), 0.26, 0.13);
-  octahedron(g, Surface::lamp_head, frame.at({0, 0, 4.4}), 0.17, 0.24);
+  octahedron(g, Surface::lamp_head, f.at({0, 0, top + 0.4}), 0.17, 0.24);
 }
 
 void tree(Geometry& g, TreeKind kind, int variant) {

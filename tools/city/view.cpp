@@ -24,7 +24,8 @@ View street_view(const std::vector<Block>& blocks, const Terrain& terrain) {
       if (block.cell[i].street > 8 || block.cell[i].street < 4) continue;
       // Long, near downtown, and looking towards it.
       const double score = std::min(length(edge), 180.0) / 180 - 2.5 * std::fabs(length(a) / r - 0.25) +
-                           1.4 * dot(normalize(edge), normalize(a * -1));
+                           1.4 * dot(normalize(edge), normalize(a * -1)) +
+                           (block.district == District::old_town ? 0.5 : 0.0);
       if (score > best_score) best_score = score, best = &block, best_edge = i;
     }
   }
