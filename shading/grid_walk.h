@@ -10,6 +10,7 @@
 #include <cmath>
 #include <cstdint>
 
+#include "cache/base/hash.h"
 #include "cache/base/vec.h"
 
 namespace spillway::shading {
@@ -22,10 +23,13 @@ struct CellIndex {
 // Cells are unit cubes: cell (i, j, k) is [i, i + 1) x [j, j + 1) x [k, k + 1).
 struct CellGrid {
   std::array<int32_t, 3> count;
-  [[nodiscard]] uint32_t linear(const CellIndex& c) const {
-    return static_cast<uint32_t>((c.at[2] * count[1] + c.at[1]) * count[0] + c.at[0]);
-  }
 };
+
+// A number for a cell that keys its random numbers; it does not depend on how far the grid goes.
+[[nodiscard]] inline uint32_t cell_key(const CellIndex& c) {
+  const auto bits = [&](int a) { return uint64_t{static_cast<uint32_t>(c.at[a])}; };
+  return static_cast<uint32_t>(hash_combine(bits(0) << 32 | bits(1), bits(2)));
+}
 
 class GridWalk {
  public:

@@ -54,7 +54,7 @@ struct SegmentKey {
 
 // The part of a segment inside one cell of a grid.
 struct CellSegment {
-  uint32_t cell;          // index in the grid, whatever its bricks
+  uint32_t cell;          // keys its random numbers: the same whatever the grid's bricks
   float begin, end;       // distances along the segment
   float density_max;      // nowhere in the cell is the density larger
 };

@@ -56,7 +56,7 @@ bool SegmentWalk::for_each_cell(const BrickRun& run, const InCell& in_cell) cons
     const shading::CellIndex& c = step.cell;
     const float majorant = volumes_.majorant(grid_, run.brick, {c.at[0], c.at[1], c.at[2]});
     if (majorant > 0 && step.begin < step.end &&
-        !in_cell(shading::CellSegment{cells_.linear(c), step.begin, step.end, majorant}, c))
+        !in_cell(shading::CellSegment{shading::cell_key(c), step.begin, step.end, majorant}, c))
       return false;
     if (i + 1 == run.cell_count || !walk_.next(cells_, segment_.end, step)) return true;
   }

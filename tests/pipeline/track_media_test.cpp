@@ -7,6 +7,7 @@
 #include <random>
 #include <vector>
 
+#include "cache/trace_kernel.h"
 #include "pipeline/pack/cut_bricks.h"
 #include "tests/support/small_scene.h"
 
@@ -106,7 +107,7 @@ void make_rays(Rays& rays, int count) {
     path.sink = static_cast<uint32_t>(i), path.throughput = {1, 0.5f, 0.25f};
     path.medium = i % 7 == 0 ? kNoMedium : 0;
     ASSERT_TRUE(rays.paths.append({&path, 1}));
-    const ShadowRecord shadow{path.sink, 0, 2, path.medium, {1, 1, 1}};
+    const ShadowRecord shadow{path.sink, 0, path.medium, 2, {1, 1, 1}};
     ASSERT_TRUE(rays.shadows.append({&shadow, 1}));
   }
   ASSERT_TRUE(rays.paths.finish() && rays.shadows.finish());

@@ -90,7 +90,7 @@ TEST(pbrt_errors, directives_belong_somewhere) {
       {"TransformTimes 1 1", "scene.pbrt:1:1: TransformTimes 1 1: the first must be before the second"},
       {"TransformTimes 0 1e99", "scene.pbrt:1:1: TransformTimes 0 1e+99: the first"},
       {"WorldBegin TransformTimes 0 1", "scene.pbrt:1:12: TransformTimes belongs before WorldBegin"},
-      {"WorldBegin MediumInterface \"fog\" \"\"", "scene.pbrt:1:28: there is no medium"},
+      {"WorldBegin MediumInterface \"fog\" \"\" Shape \"sphere\"", "scene.pbrt:1:28: there is no medium \"fog\""},
       {"WorldBegin\n" +
            [] {
              std::string s;
