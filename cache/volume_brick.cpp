@@ -78,8 +78,8 @@ Buffer<std::byte> build_volume_brick(const std::array<int32_t, 3>& corner, int32
   SPILLWAY_CHECK(is_brick_size(voxels), ==, true);
   SPILLWAY_CHECK(samples.size(), ==, size_t{brick_sample_count(voxels)});
   Buffer<std::byte> brick(MemoryTag::pack, brick_size_bytes(voxels, type));
-  VolumeBrickHeader header{kVolumeBrickMagic, kVolumeBrickVersion, 0, brick.size(), {corner[0], corner[1], corner[2]},
-                           voxels, type, 0};
+  VolumeBrickHeader header{
+      kVolumeBrickMagic, kVolumeBrickVersion, 0, brick.size(), {corner[0], corner[1], corner[2]}, voxels, type, 0};
   auto* cells = reinterpret_cast<float*>(brick.data() + sizeof header);
   std::byte* stored = brick.data() + samples_offset(voxels);
   find_cell_maxima(samples, voxels, cells);
@@ -104,8 +104,7 @@ Status validate_volume_brick(std::span<const std::byte> brick, std::string_view 
   if (std::any_of(view.cell_max().begin(), view.cell_max().end(), is_bad))
     return error("{}: a cell's largest value is negative or not finite; pack the scene again", where);
   for (uint32_t i = 0; i < brick_sample_count(view.header().voxels); ++i)
-    if (is_bad(view.sample(i)))
-      return error("{}: sample {} is negative or not finite; pack the scene again", where, i);
+    if (is_bad(view.sample(i))) return error("{}: sample {} is negative or not finite; pack the scene again", where, i);
   return {};
 }
 

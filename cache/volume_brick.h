@@ -2,9 +2,10 @@
 
 // The bricks of a volume: boxes of samples of a sparse grid, each ready to interpolate by itself.
 //
-// Samples sit on lattice points (integers); between them a value is trilinear, outside of all bricks it is zero. A brick
-// covers [corner, corner + voxels) in lattice units and holds voxels + 1 samples an axis: those of its far sides again.
-// Cells are cubes of 8 lattice units, aligned to multiples of 8 whatever the bricks; each has the largest of its samples.
+// Samples sit on lattice points (integers); between them a value is trilinear, outside of all bricks it is zero. A
+// brick covers [corner, corner + voxels) in lattice units and holds voxels + 1 samples an axis: those of its far sides
+// again. Cells are cubes of 8 lattice units, aligned to multiples of 8 whatever the bricks; each has the largest of its
+// samples.
 //
 // Format, little endian, each brick at a 4096-aligned offset, size_bytes a multiple of 4096 (zeros at the end):
 //   VolumeBrickHeader

@@ -18,9 +18,8 @@ bool is_possible_box(const VolumeGrid& grid) {
   const int32_t voxels = grid.brick_voxels;
   if (voxels != 8 && voxels != 16 && voxels != 32 && voxels != kMaxBrickVoxels) return false;
   for (int a = 0; a < 3; ++a)
-    if (grid.corner[a] < -kMaxLattice || grid.corner[a] > kMaxLattice ||
-        grid.corner[a] % kVolumeAlignmentVoxels != 0 || grid.brick_count[a] <= 0 ||
-        grid.brick_count[a] > 2 * kMaxLattice / voxels)
+    if (grid.corner[a] < -kMaxLattice || grid.corner[a] > kMaxLattice || grid.corner[a] % kVolumeAlignmentVoxels != 0 ||
+        grid.brick_count[a] <= 0 || grid.brick_count[a] > 2 * kMaxLattice / voxels)
       return false;
   return entry_count(grid) < UINT32_MAX;
 }
@@ -68,8 +67,8 @@ Status VolumeTablesBuilder::add_brick(const VolumeBrickView& brick, const Volume
       return error("{}: a brick at ({}, {}, {}) lies outside of its grid", where, header.corner[0], header.corner[1],
                    header.corner[2]);
   }
-  uint32_t& entry = entries[grid.first_entry + static_cast<uint32_t>((at[2] * grid.brick_count[1] + at[1]) *
-                                                                         grid.brick_count[0] + at[0])];
+  uint32_t& entry = entries[grid.first_entry +
+                            static_cast<uint32_t>((at[2] * grid.brick_count[1] + at[1]) * grid.brick_count[0] + at[0])];
   if (entry != kNoBrick)
     return error("{}: two bricks at ({}, {}, {})", where, header.corner[0], header.corner[1], header.corner[2]);
   entry = static_cast<uint32_t>(bricks.size());

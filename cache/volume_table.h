@@ -15,13 +15,13 @@
 namespace spillway::cache {
 
 struct VolumeGrid {
-  int32_t corner[3];       // lattice point where brick (0, 0, 0) begins; multiples of kVolumeAlignmentVoxels
+  int32_t corner[3];  // lattice point where brick (0, 0, 0) begins; multiples of kVolumeAlignmentVoxels
   int32_t brick_count[3];
   int32_t brick_voxels;
-  uint32_t first_entry;    // in the entries: one for each brick of the box, x fastest
-  uint32_t first_brick;    // bricks of a grid are consecutive in the file
-  uint32_t brick_total;    // that are there
-  uint32_t first_cell;     // in the cells: those of the first brick
+  uint32_t first_entry;  // in the entries: one for each brick of the box, x fastest
+  uint32_t first_brick;  // bricks of a grid are consecutive in the file
+  uint32_t brick_total;  // that are there
+  uint32_t first_cell;   // in the cells: those of the first brick
   float value_max;
 };
 static_assert(sizeof(VolumeGrid) == 48);

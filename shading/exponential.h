@@ -22,14 +22,19 @@ inline double log2_of(float x) {
   return static_cast<double>(exponent) + 2.8853900817779268 * s * series;  // 2 / ln 2
 }
 
-// Two to the power of x <= 126; 0 below 2^-149. Taylor's series on [-1/2, 1/2] to the 8th power: off by 2e-10 relatively.
+// Two to the power of x <= 126; 0 below 2^-149. Taylor's series on [-1/2, 1/2] to the 8th power: off by 2e-10
+// relatively.
 inline float exp2_of(double x) {
   if (!(x > -149)) return 0;
   const double whole = std::floor(x + 0.5);
   const double y = (x - whole) * 0.69314718055994531;
   const double series =
-      1 + y * (1 + y * (0.5 + y * (1.0 / 6 + y * (1.0 / 24 + y * (1.0 / 120 + y * (1.0 / 720 + y * (1.0 / 5040 + y * (1.0 / 40320))))))));
-  return static_cast<float>(series * std::bit_cast<double>(static_cast<uint64_t>(static_cast<int64_t>(whole) + 1023) << 52));
+      1 +
+      y * (1 +
+           y * (0.5 + y * (1.0 / 6 +
+                           y * (1.0 / 24 + y * (1.0 / 120 + y * (1.0 / 720 + y * (1.0 / 5040 + y * (1.0 / 40320))))))));
+  return static_cast<float>(series *
+                            std::bit_cast<double>(static_cast<uint64_t>(static_cast<int64_t>(whole) + 1023) << 52));
 }
 
 inline float exp_of(float x) { return exp2_of(x * 1.4426950408889634); }

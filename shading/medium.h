@@ -54,9 +54,9 @@ struct SegmentKey {
 
 // The part of a segment inside one cell of a grid.
 struct CellSegment {
-  uint32_t cell;          // keys its random numbers: the same whatever the grid's bricks
-  float begin, end;       // distances along the segment
-  float density_max;      // nowhere in the cell is the density larger
+  uint32_t cell;      // keys its random numbers: the same whatever the grid's bricks
+  float begin, end;   // distances along the segment
+  float density_max;  // nowhere in the cell is the density larger
 };
 
 // What happened in some consecutive cells, up to the first real collision.
@@ -71,8 +71,8 @@ struct Collisions {
   void append(const Collisions& next);
 };
 
-// Bounds tracking in one cell, by a number that no sensible cell reaches: beyond it the rest of the cell is passed as if
-// it were empty, which is counted and too bright.
+// Bounds tracking in one cell, by a number that no sensible cell reaches: beyond it the rest of the cell is passed as
+// if it were empty, which is counted and too bright.
 inline constexpr uint32_t kMaxCellSteps = 1u << 20;
 
 // density(distance) in [0, density_max]; sigma_t: of density one. Adds to `out`, in which nothing has collided yet.

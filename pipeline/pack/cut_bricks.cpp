@@ -29,13 +29,13 @@ Status cut_bricks(SampleSource& source, int32_t brick_voxels, std::string_view w
   const LatticeBox box = source.bounds();
   for (int a = 0; a < 3; ++a)
     if (box.lower[a] < -cache::kMaxLattice || box.upper[a] > cache::kMaxLattice || box.lower[a] >= box.upper[a])
-      return error("{}: has samples from {} to {} along axis {}; between -{} and {} are possible, and one at least", where,
-                   box.lower[a], box.upper[a], a, cache::kMaxLattice, cache::kMaxLattice);
+      return error("{}: has samples from {} to {} along axis {}; between -{} and {} are possible, and one at least",
+                   where, box.lower[a], box.upper[a], a, cache::kMaxLattice, cache::kMaxLattice);
   uint64_t bricks = 1;
   for (int a = 0; a < 3; ++a) bricks *= static_cast<uint64_t>((box.upper[a] - box.lower[a]) / brick_voxels + 2);
   if (bricks > kMaxBricks)
-    return error("{}: its box holds {} bricks of {} voxels an edge; at most {} are possible", where, bricks, brick_voxels,
-                 kMaxBricks);
+    return error("{}: its box holds {} bricks of {} voxels an edge; at most {} are possible", where, bricks,
+                 brick_voxels, kMaxBricks);
   const auto type = source.is_half() ? cache::VoxelType::half_float : cache::VoxelType::single_float;
   std::vector<float> samples(cache::brick_sample_count(brick_voxels));
   // A sample at the lower end reaches into the brick below it.

@@ -76,7 +76,8 @@ std::string volume_answer(const Affine3& medium_from_lattice) {
 Result<Affine3> decode_volume(const std::filesystem::path& source, const std::string& grid,
                               const std::filesystem::path& bricks_file, const VolumeDecoderOptions& options) {
   std::error_code code;
-  if (!std::filesystem::is_regular_file(source, code)) return error("{}: there is no such volume file", source.string());
+  if (!std::filesystem::is_regular_file(source, code))
+    return error("{}: there is no such volume file", source.string());
   SPILLWAY_ASSIGN(const std::filesystem::path program, program_beside("spillway_decode_volume"));
   pid_t process = -1;
   SPILLWAY_ASSIGN(const int pipe,
@@ -89,8 +90,10 @@ Result<Affine3> decode_volume(const std::filesystem::path& source, const std::st
   while (waitpid(process, &status, 0) < 0 && errno == EINTR) {
   }
   if (WIFSIGNALED(status))
-    return error("{}: its decoder was ended by signal {} ({}); the file is damaged, or needs more memory or time than "
-                 "allowed", source.string(), WTERMSIG(status), strsignal(WTERMSIG(status)));
+    return error(
+        "{}: its decoder was ended by signal {} ({}); the file is damaged, or needs more memory or time than "
+        "allowed",
+        source.string(), WTERMSIG(status), strsignal(WTERMSIG(status)));
   if (WEXITSTATUS(status) != 0)
     return said.empty() ? error("{}: its decoder ended with code {}", source.string(), WEXITSTATUS(status))
                         : error("{}", said);

@@ -72,8 +72,8 @@ bool SegmentWalk::track(const BrickRun& run, const cache::VolumeBrickView& brick
   return bounded;
 }
 
-bool SegmentWalk::pass(const BrickRun& run, const cache::VolumeBrickView& brick,
-                       shading::OrderlessProduct (&weight)[3], uint32_t& steps) const {
+bool SegmentWalk::pass(const BrickRun& run, const cache::VolumeBrickView& brick, shading::OrderlessProduct (&weight)[3],
+                       uint32_t& steps) const {
   bool bounded = true;
   for_each_cell(run, [&](const shading::CellSegment& cell, const shading::CellIndex& at) {
     const auto density = [&](float distance) { return density_at(brick, at, distance); };
@@ -101,7 +101,8 @@ SegmentResult track_homogeneous(const MediumSegment& segment) {
   const shading::FreePath path =
       shading::sample_free_path(medium.sigma_t(), segment.shares, segment.end, {channel, step});
   if (path.distance == INFINITY) return {INFINITY, path.weight, {0, 0, 0}};
-  return collided(medium, path.distance, path.weight, medium.glow_kind == GlowKind::constant ? medium.glow : Rgb{0, 0, 0});
+  return collided(medium, path.distance, path.weight,
+                  medium.glow_kind == GlowKind::constant ? medium.glow : Rgb{0, 0, 0});
 }
 
 Rgb pass_homogeneous(const MediumSegment& segment) {
@@ -133,10 +134,14 @@ GlowPlace glow_place(const MediumSegment& segment, float distance, const MediumT
 
 Rgb glow_of_value(const Medium& medium, float value, const MediumTables& tables) {
   switch (medium.glow_kind) {
-    case GlowKind::none: return {0, 0, 0};
-    case GlowKind::constant: return medium.glow;
-    case GlowKind::scaled: return medium.glow * value;
-    case GlowKind::temperature: break;
+    case GlowKind::none:
+      return {0, 0, 0};
+    case GlowKind::constant:
+      return medium.glow;
+    case GlowKind::scaled:
+      return medium.glow * value;
+    case GlowKind::temperature:
+      break;
   }
   return medium.glow * black_body(tables.black_bodies, (value - medium.kelvin_offset) * medium.kelvin_scale);
 }

@@ -2,8 +2,8 @@
 
 // A ray's segment inside a medium: what happens on it, as functions of numbers and of bricks that are in memory.
 //
-// A grid's segment falls into runs, each inside one brick. Runs may be tracked in any order: their results are joined in
-// ray order, and neither the bricks' size nor the order shows in a bit.
+// A grid's segment falls into runs, each inside one brick. Runs may be tracked in any order: their results are joined
+// in ray order, and neither the bricks' size nor the order shows in a bit.
 
 #include <cstdint>
 
@@ -66,7 +66,8 @@ class SegmentWalk {
 // Homogeneous media need no bricks.
 [[nodiscard]] SegmentResult track_homogeneous(const MediumSegment& segment);
 [[nodiscard]] Rgb pass_homogeneous(const MediumSegment& segment);
-// What a grid's collisions, joined over all runs, come to. `glow`: the medium's emission where they ended, see glow_at().
+// What a grid's collisions, joined over all runs, come to. `glow`: the medium's emission where they ended, see
+// glow_at().
 [[nodiscard]] SegmentResult segment_result(const MediumSegment& segment, const shading::Collisions& all, Rgb glow);
 
 // Where a grid's glow is looked up: a brick and a place in it.

@@ -142,12 +142,17 @@ void next_event(const PathSettings& settings, const HitRecord& hit, const Shadin
   out.has_shadow = true;
 }
 
+// At a surface; beyond kRouletteCapBounce even a lossless path ends.
+float surface_cap(const PathRecord& path) { return path.bounce < kRouletteCapBounce ? 1.0f : kRouletteSurvivalCap; }
+// Gas that loses nothing is left sooner or later, after thousands of collisions where it is thick: survivors of a cap
+// would then carry e^(0.03 n), whose variance has no bound.
+constexpr float kMediumCap = 1;
+
 // Ends the path with a chance that grows as it carries less; survivors carry more.
-bool survives_roulette(PathRecord& path, float u) {
+bool survives_roulette(PathRecord& path, float u, float cap) {
   if (path.bounce < kRouletteFirstBounce) return true;
   const Rgb t = path.throughput;
   const float carried = std::max({std::fabs(t.r), std::fabs(t.g), std::fabs(t.b)}) * path.eta_scale;
-  const float cap = path.bounce < kRouletteCapBounce ? 1.0f : kRouletteSurvivalCap;
   const float survival = std::min(carried, cap);
   if (u >= survival) return false;
   path.throughput = path.throughput * (1 / survival);
@@ -170,7 +175,7 @@ void next_direction(const PathSettings& settings, const HitRecord& hit, const Sh
   path.bounce += 1;
   path.throughput *= sample.weight;
   path.eta_scale *= sample.eta_scale;
-  if (!survives_roulette(path, choose.y)) return;
+  if (!survives_roulette(path, choose.y, surface_cap(path))) return;
   path.pdf_previous = sample.is_delta ? 0 : sample.pdf_solid_angle;
   path.position_previous = receiver.position_world, path.normal_previous = receiver.packed_normal;
   path.cone_width = point.width_world;
@@ -235,7 +240,7 @@ ShadedVertex shade_medium(const PathSettings& settings, const HitRecord& hit) {
   out.path = hit.path;
   out.path.bounce += 1;
   out.path.normal_previous = 0;  // receives from all sides
-  if (!survives_roulette(out.path, points[shading::kBounceLobeAndRoulette].y)) return out;
+  if (!survives_roulette(out.path, points[shading::kBounceLobeAndRoulette].y, kMediumCap)) return out;
   out.path.pdf_previous = shading::henyey_greenstein(g, dot(hit.direction_world, w_next));
   out.path.cone_width = hit.path.cone_width + hit.path.cone_spread * hit.hit.t * length(hit.direction_world);
   spread_cone(out.path, out.path.pdf_previous);

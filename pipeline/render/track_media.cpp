@@ -58,7 +58,8 @@ Rgb values_of(const shading::OrderlessProduct (&weight)[3]) {
 
 Rgb resident_glow(const MediaInputs& inputs, const MediumSegment& segment, float distance) {
   const GlowPlace place = glow_place(segment, distance, inputs.tables);
-  const float value = place.brick == cache::kNoBrick ? 0 : inputs.volumes->resident(place.brick).interpolate(place.lattice);
+  const float value =
+      place.brick == cache::kNoBrick ? 0 : inputs.volumes->resident(place.brick).interpolate(place.lattice);
   return glow_of_value(*segment.medium, value, inputs.tables);
 }
 
@@ -120,7 +121,8 @@ class Rounds {
 
   // Segments of a batch, in the order of its rays.
   Status add(std::span<const Waiting> segments) {
-    if (!segments.empty()) runs_.reserve(most_runs_), waiting_.reserve(most_runs_);  // pages that are never touched cost nothing
+    if (!segments.empty())
+      runs_.reserve(most_runs_), waiting_.reserve(most_runs_);  // pages that are never touched cost nothing
     for (Waiting waiting : segments) {
       waiting.first_run = static_cast<uint32_t>(runs_.size());
       SegmentWalk(waiting.segment, inputs_.tables.volumes).for_each_run([&](const BrickRun& run) {
@@ -289,8 +291,9 @@ TrackMediaReport& TrackMediaReport::operator+=(const TrackMediaReport& other) {
   return *this;
 }
 
-Status track_media(const MediaInputs& inputs, const MediaRays<PathRecord>& paths, const MediaRays<ShadowRecord>& shadows,
-                   const TrackMediaOptions& options, TrackMediaScratch& scratch, TrackMediaReport& report) {
+Status track_media(const MediaInputs& inputs, const MediaRays<PathRecord>& paths,
+                   const MediaRays<ShadowRecord>& shadows, const TrackMediaOptions& options, TrackMediaScratch& scratch,
+                   TrackMediaReport& report) {
   SPILLWAY_TRY(track_kind(inputs, paths, options, scratch.path_results, report));
   for (const SegmentResult& result : scratch.path_results) report.collision_count += result.distance < INFINITY ? 1 : 0;
   return track_kind(inputs, shadows, options, scratch.shadow_results, report);

@@ -6,7 +6,8 @@
 // Out:    a SegmentResult a ray; identity for rays outside of media.
 // Memory: tag rays: the results, 36 bytes a ray; tag volumes: bricks, within the store's limit; runs of segments in
 //         grids, within run_limit_bytes: more than fit are tracked in several rounds, each a sweep of its own.
-// Order:  runs are tracked brick by brick, in file order; random numbers are keyed, the nearest collision of a ray wins,
+// Order:  runs are tracked brick by brick, in file order; random numbers are keyed, the nearest collision of a ray
+// wins,
 //         weights are multiplied in integers. Nothing of this shows.
 // Based on: DESIGN.md section 9; shading/medium.h.
 
@@ -63,8 +64,9 @@ struct TrackMediaScratch {
   Buffer<SegmentResult> path_results, shadow_results;
 };
 
-Status track_media(const MediaInputs& inputs, const MediaRays<PathRecord>& paths, const MediaRays<ShadowRecord>& shadows,
-                   const TrackMediaOptions& options, TrackMediaScratch& scratch, TrackMediaReport& report);
+Status track_media(const MediaInputs& inputs, const MediaRays<PathRecord>& paths,
+                   const MediaRays<ShadowRecord>& shadows, const TrackMediaOptions& options, TrackMediaScratch& scratch,
+                   TrackMediaReport& report);
 
 // The segment of a ray. False: it is in no medium, or nothing can come of it.
 template <class Record>

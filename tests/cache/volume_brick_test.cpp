@@ -17,8 +17,8 @@ using Corner = std::array<int32_t, 3>;
 
 // A field over the whole lattice, whose values are halves.
 float field(int32_t x, int32_t y, int32_t z) {
-  const uint64_t h = hash_combine(static_cast<uint32_t>(x) | uint64_t{static_cast<uint32_t>(y)} << 32,
-                                  static_cast<uint32_t>(z));
+  const uint64_t h =
+      hash_combine(static_cast<uint32_t>(x) | uint64_t{static_cast<uint32_t>(y)} << 32, static_cast<uint32_t>(z));
   return static_cast<float>(h % 1024) / 1024;
 }
 
@@ -56,7 +56,8 @@ TEST(VolumeBrick, the_size_of_bricks_does_not_show) {
     for (int i = 0; i < 300; ++i) {
       const Float3 p{u(random) - 64, u(random) - 64, u(random)};
       Corner corner;
-      for (int a = 0; a < 3; ++a) corner[a] = static_cast<int32_t>(std::floor(p[a] / static_cast<float>(voxels))) * voxels;
+      for (int a = 0; a < 3; ++a)
+        corner[a] = static_cast<int32_t>(std::floor(p[a] / static_cast<float>(voxels))) * voxels;
       const Buffer<std::byte> small = brick_at(corner, voxels);
       ASSERT_EQ(VolumeBrickView{small}.interpolate(p), VolumeBrickView{large}.interpolate(p));
     }

@@ -54,14 +54,15 @@ class CloudScene {
     options.tag = MemoryTag::volumes, options.memory_limit_bytes = memory_limit_bytes;
     const uint64_t smallest = cache::PartStore::smallest_limit_bytes(parts);
     options.memory_limit_bytes = std::max(options.memory_limit_bytes, 2 * smallest);
-    auto store = cache::PartStore::open(directory_.path() / "volumes.bricks", parts, options,
-                                        cache::validate_volume_brick);
+    auto store =
+        cache::PartStore::open(directory_.path() / "volumes.bricks", parts, options, cache::validate_volume_brick);
     EXPECT_TRUE(store) << store.error().message;
     volumes_ = std::make_unique<VolumeStore>(std::move(*store));
     medium_.kind = MediumKind::grid, medium_.density_volume = 0, medium_.glow_volume = 0;
     for (Affine3* to_lattice : {&medium_.density_from_world, &medium_.glow_from_world})
       for (int a = 0; a < 3; ++a) to_lattice->m[a][a] = 10;
-    for (uint32_t c = 0; c < kBlackBodyEntries; ++c) black_bodies_.push_back(Rgb{1, 0.5f, 0.25f} * (static_cast<float>(c) / 1000));
+    for (uint32_t c = 0; c < kBlackBodyEntries; ++c)
+      black_bodies_.push_back(Rgb{1, 0.5f, 0.25f} * (static_cast<float>(c) / 1000));
   }
   static Medium grey() {
     Medium medium;
@@ -230,7 +231,8 @@ TEST(TrackMedia, transmittance_and_collisions_are_those_of_quadrature) {
     const double wanted = std::exp(-optical_depth(line[0], normalize(line[1]), kEnd));
     const double mean = passed / kSamples;
     EXPECT_NEAR(mean, wanted, 4 * std::sqrt((squares / kSamples - mean * mean) / kSamples) + 1e-4);
-    EXPECT_NEAR(static_cast<double>(reached) / kSamples, wanted, 4 * std::sqrt(wanted * (1 - wanted) / kSamples) + 1e-4);
+    EXPECT_NEAR(static_cast<double>(reached) / kSamples, wanted,
+                4 * std::sqrt(wanted * (1 - wanted) / kSamples) + 1e-4);
   }
 }
 

@@ -266,8 +266,7 @@ TEST(GridWalk, steps_tile_the_segment_and_lie_in_their_cells) {
     // Where it ended the segment ends, or the grid does.
     const Float3 p = origin + direction * at;
     bool at_border = at >= end;
-    for (int a = 0; a < 3; ++a)
-      at_border |= p[a] < 1e-4f || p[a] > static_cast<float>(grid.count[a]) - 1e-4f;
+    for (int a = 0; a < 3; ++a) at_border |= p[a] < 1e-4f || p[a] > static_cast<float>(grid.count[a]) - 1e-4f;
     ASSERT_TRUE(at_border);
   }
   EXPECT_GT(entered, 3000);

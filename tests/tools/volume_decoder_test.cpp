@@ -5,9 +5,9 @@
 #include <openvdb/openvdb.h>
 #include <openvdb/tools/Interpolation.h>
 
-#include <iostream>  // which the next header leaves to its user
 #include <nanovdb/util/IO.h>
 #include <nanovdb/util/OpenToNanoVDB.h>
+#include <iostream>  // which the next header leaves to its user
 
 #include <fstream>
 #include <random>
@@ -143,8 +143,7 @@ TEST_F(VolumeDecoder, a_nanovdb_file_gives_the_same_samples) {
   const auto from_nano = decode_volume(file("smoke.nvdb"), "density", file("b.bricks"), {});
   ASSERT_TRUE(from_vdb && from_nano) << from_nano.error().message;
   for (int row = 0; row < 3; ++row)
-    for (int column = 0; column < 4; ++column)
-      EXPECT_NEAR(from_vdb->m[row][column], from_nano->m[row][column], 1e-6);
+    for (int column = 0; column < 4; ++column) EXPECT_NEAR(from_vdb->m[row][column], from_nano->m[row][column], 1e-6);
   const Bricks a(file("a.bricks"), 32), b(file("b.bricks"), 32);
   EXPECT_EQ(a.count(), b.count());
   std::mt19937 random(8);
@@ -189,7 +188,8 @@ TEST_F(VolumeDecoder, cut_and_flipped_files_are_refused_by_name_or_read) {
   std::mt19937 random(9);
   for (int i = 0; i < 8; ++i) {
     std::string bytes = whole;
-    for (int k = 0; k < 3; ++k) bytes[random() % std::min<size_t>(bytes.size(), 2000)] ^= static_cast<char>(1 << random() % 8);
+    for (int k = 0; k < 3; ++k)
+      bytes[random() % std::min<size_t>(bytes.size(), 2000)] ^= static_cast<char>(1 << random() % 8);
     write(bytes);
     VolumeDecoderOptions options;
     options.time_limit_seconds = 5, options.memory_limit_bytes = 1ull << 30;

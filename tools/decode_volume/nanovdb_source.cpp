@@ -1,9 +1,9 @@
 #include "tools/decode_volume/nanovdb_source.h"
 
 #include <nanovdb/NanoVDB.h>
-#include <iostream>  // which the validator's header leaves to its user
 #include <nanovdb/util/GridValidator.h>
 #include <nanovdb/util/IO.h>
+#include <iostream>  // which the validator's header leaves to its user
 
 namespace spillway::tools {
 namespace {

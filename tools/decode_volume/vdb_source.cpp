@@ -29,12 +29,12 @@ class VdbSource final : public pipeline::SampleSource {
       return error("{}: grid '{}' is a {}; float grids are possible", path(), name_, grid->type());
     is_half_ = grid->saveFloatAsHalf();
     SPILLWAY_TRY(find_bounds(*grid));
-    if (!grid->transform().isLinear())
-      return error("{}: grid '{}' has a transform that is not affine", path(), name_);
+    if (!grid->transform().isLinear()) return error("{}: grid '{}' has a transform that is not affine", path(), name_);
     const openvdb::Mat4d m = grid->transform().baseMap()->getAffineMap()->getMat4();  // multiplies row vectors
     Affine3 medium_from_lattice;
     for (int row = 0; row < 3; ++row)
-      for (int column = 0; column < 4; ++column) medium_from_lattice.m[row][column] = static_cast<float>(m(column, row));
+      for (int column = 0; column < 4; ++column)
+        medium_from_lattice.m[row][column] = static_cast<float>(m(column, row));
     return medium_from_lattice;
   }
 
@@ -65,7 +65,8 @@ class VdbSource final : public pipeline::SampleSource {
 
   [[nodiscard]] std::string grid_names() {
     std::string names;
-    for (auto name = file_.beginName(); name != file_.endName(); ++name) names += (names.empty() ? "'" : ", '") + *name + "'";
+    for (auto name = file_.beginName(); name != file_.endName(); ++name)
+      names += (names.empty() ? "'" : ", '") + *name + "'";
     return names.empty() ? "none" : names;
   }
 

@@ -106,7 +106,8 @@ class MediumReader {
 
   Result<uint32_t> add_given(const Parameter& samples, const std::array<int32_t, 3>& counts) {
     SPILLWAY_ASSIGN(const Affine3 medium_from_lattice, lattice_of(params_, counts));
-    const auto added = session_.sink.add_volume({to_string(samples.place), {}, {}, counts, samples.numbers, medium_from_lattice});
+    const auto added =
+        session_.sink.add_volume({to_string(samples.place), {}, {}, counts, samples.numbers, medium_from_lattice});
     if (!added) return error_at(samples.place, "{}", added.error().message);
     return *added;
   }
@@ -119,7 +120,8 @@ class MediumReader {
     const Parameter* density = params_.find(ParamType::real, "density");
     if (density == nullptr) return error_at(name_.place, "a uniformgrid medium without \"float density\"");
     for (const int32_t n : counts)
-      if (n < 1 || n > cache::kMaxLattice) return error_at(name_.place, "nx, ny and nz must lie between 1 and {}", cache::kMaxLattice);
+      if (n < 1 || n > cache::kMaxLattice)
+        return error_at(name_.place, "nx, ny and nz must lie between 1 and {}", cache::kMaxLattice);
     SPILLWAY_ASSIGN(medium.density_volume, add_given(*density, counts));
     const Parameter* temperature = params_.find(ParamType::real, "temperature");
     const Parameter* le_scale = params_.find(ParamType::real, "Lescale");
@@ -194,8 +196,10 @@ Status MediumTable::define(const Token& name, ParamList params, const Transform&
   const Parameter* given = params.find(ParamType::string, "type");
   const std::string type = given != nullptr && given->strings.size() == 1 ? given->strings[0] : "";
   if (!is_supported(type))
-    return error_at(name.place, "medium type \"{}\" is not supported: use \"homogeneous\", \"uniformgrid\", \"nanovdb\" or "
-                    "\"openvdb\"", type);
+    return error_at(name.place,
+                    "medium type \"{}\" is not supported: use \"homogeneous\", \"uniformgrid\", \"nanovdb\" or "
+                    "\"openvdb\"",
+                    type);
   MediumInput input{fmt::format("medium {}", to_string(name)), {}, world_from_medium.affine()};
   SPILLWAY_ASSIGN(input.medium, MediumReader(session_, params, name).read(type));
   SPILLWAY_TRY(params.check_all_used(session_, fmt::format("medium type \"{}\"", type)));
@@ -213,7 +217,8 @@ Result<uint32_t> MediumTable::find(const Token& name) const {
   if (name.text.empty()) return pipeline::kNoMedium;
   const auto at = media_.find(name.text);
   if (at != media_.end()) return at->second;
-  return error_at(name.place, "there is no medium {}: define it with MakeNamedMedium before it is used", to_string(name));
+  return error_at(name.place, "there is no medium {}: define it with MakeNamedMedium before it is used",
+                  to_string(name));
 }
 
 Result<MediumNames> read_medium_interface(Tokenizer& tokens, const Token& directive) {
