@@ -81,9 +81,12 @@ Status validate_meshes(const StoreTables& t, std::string_view where) {
       return damaged(where, section::kMeshes, i, "object {} of {}", mesh.object, t.tree_objects.size());
     if (!is_texture(mesh.alpha_texture, t.textures.size()))
       return damaged(where, section::kMeshes, i, "alpha texture {} of {}", mesh.alpha_texture, t.textures.size());
+    const bool divides = (mesh.flags & kMeshDividesMedia) != 0;
     for (const uint32_t medium : {mesh.medium_inside, mesh.medium_outside})
-      if ((mesh.flags & kMeshDividesMedia) != 0 && medium != kNoMedium && medium >= t.media.size())
+      if (medium != kNoMedium && (!divides || medium >= t.media.size()))
         return damaged(where, section::kMeshes, i, "medium {} of {}", medium, t.media.size());
+    if ((mesh.flags & kMeshIsInterface) != 0 && !divides)
+      return damaged(where, section::kMeshes, i, "an interface that divides nothing");
     if ((mesh.flags & ~(kMeshFlipNormals | kMeshHasNormals | kMeshHasUvs | kMeshDividesMedia | kMeshIsInterface)) != 0)
       return damaged(where, section::kMeshes, i, "unknown flags {:#x}", mesh.flags);
     next_prim += mesh.face_count;

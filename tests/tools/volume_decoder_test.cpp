@@ -5,9 +5,10 @@
 #include <openvdb/openvdb.h>
 #include <openvdb/tools/Interpolation.h>
 
+#include <iostream>  // which the next headers leave to their user
+
 #include <nanovdb/util/IO.h>
 #include <nanovdb/util/OpenToNanoVDB.h>
-#include <iostream>  // which the next header leaves to its user
 
 #include <fstream>
 #include <random>

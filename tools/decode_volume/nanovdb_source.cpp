@@ -1,9 +1,10 @@
 #include "tools/decode_volume/nanovdb_source.h"
 
+#include <iostream>  // which the validator's header leaves to its user
+
 #include <nanovdb/NanoVDB.h>
 #include <nanovdb/util/GridValidator.h>
 #include <nanovdb/util/IO.h>
-#include <iostream>  // which the validator's header leaves to its user
 
 namespace spillway::tools {
 namespace {
