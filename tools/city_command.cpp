@@ -25,6 +25,7 @@ struct CityArguments {
   fs::path output;
   std::string format = "pbrt", terrain = "full", memory, frames, geometry, textures;
   uint64_t street_lights = 0, trees = 0, cars = 0;
+  float edge_length_px = pipeline::DiceOptions{}.edge_length_px;
   uint32_t threads = 0;
   bool dry_run = false, quiet = false;
 };
@@ -40,6 +41,7 @@ Result<std::unique_ptr<pipeline::SceneSink>> make_sink(const CityArguments& a) {
     return std::unique_ptr<pipeline::SceneSink>(std::move(sink));
   }
   pipeline::PackOptions pack;
+  pack.dice.edge_length_px = a.edge_length_px;
   if (!a.memory.empty()) {
     SPILLWAY_ASSIGN(pack.memory_limit_bytes, parse_bytes(a.memory));
   }
@@ -157,6 +159,7 @@ void add_city_command(CLI::App& app, int& exit_code) {
   command->add_option("--format", a.format, "pbrt: text and PLY; store: packed [pbrt]")
       ->check(CLI::IsMember({"pbrt", "store"}));
   command->add_flag("--tessellate", a.city.tessellate, "domes, cars and trees as triangles: text that pbrt-v4 reads");
+  command->add_option("--edge-length-px", a.edge_length_px, "longest edge of what is round, on the picture [4]");
   command->add_option("--memory", a.memory, "limit for packing, such as 2GiB");
   command->add_option("--threads", a.threads, "[all cores]")->check(CLI::Range(1u, 1024u));
   command->add_flag("--dry-run", a.dry_run, "plan and count only; print the manifest");
