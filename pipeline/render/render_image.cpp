@@ -70,7 +70,7 @@ class RenderLoop {
         report_(report),
         settings_(state.options.settings),
         camera_rays_(settings_.camera, settings_.filter, pixel_window(settings_), settings_.render.seed,
-                     settings_.render.sampler),
+                     settings_.render.sampler, ray_times(state.store, settings_), settings_.film.exposure_scale),
         schedule_({settings_.render.samples_per_pixel, state.plan.epoch_samples, state.plan.first_epoch_samples}),
         hits_(stream_options(state, "hits", MemoryTag::hits, cache::IoPurpose::hits, state.plan.hit_bytes)) {}
 
@@ -298,8 +298,14 @@ FilmIdentity film_identity(const Store& store, const SceneSettings& settings) {
   key = checksum(&settings.filter, sizeof settings.filter, key);
   key = checksum(&render, sizeof render, key);
   key = checksum(store.lights().data(), store.lights().size_bytes(), key);
+  key = checksum(store.emitters().data(), store.emitters().size_bytes(), key);
+  key = checksum(store.emissions().data(), store.emissions().size_bytes(), key);
   key = checksum(store.materials().data(), store.materials().size_bytes(), key);
   key = checksum(store.meshes().data(), store.meshes().size_bytes(), key);
+  if (!store.motions().empty()) {
+    key = checksum(&settings.motion, sizeof settings.motion, key);
+    key = checksum(store.motions().data(), store.motions().size_bytes(), key);
+  }
   return {key, fmt::format("gcc {}, glibc {}.{}", __VERSION__, __GLIBC__, __GLIBC_MINOR__)};
 }
 
@@ -363,6 +369,7 @@ Result<RenderedImage> RenderSession::render(const shading::Camera& camera) {
   if (std::exchange(state_->used, true)) memory_reset_peaks();
   state_->options.settings.camera = camera;
   RenderState& state = state_->render;
+  state.inputs.settings.shutter = ray_times(state.store, state.options.settings).shutter;
   const CountersBefore before(state);
   SPILLWAY_TRY(open_film(state));
   RenderedImage image;

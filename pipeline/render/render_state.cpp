@@ -1,5 +1,7 @@
 #include "pipeline/render/render_state.h"
 
+#include <algorithm>
+
 namespace spillway::pipeline {
 namespace {
 
@@ -76,9 +78,13 @@ void connect(RenderState& state) {
   const Store& store = state.store;
   const SceneSettings& settings = state.options.settings;
   ShadeInputs& in = state.inputs;
-  in.settings = {store.light_table(), settings.render.max_depth, settings.render.seed, settings.render.sampler};
+  state.lights = SelectedLights(store, settings.render.light_selection);
+  // And the shutter of the frame.
+  in.settings = {state.lights.table(), std::min(settings.render.max_depth, kMostBounces), settings.render.seed,
+                 settings.render.sampler};
   in.tables = {store.meshes(), store.materials(), state.evaluator.get()};
   in.instances = store.page_tree().instances;
+  in.motions = store.motions();
   state.resolver = std::make_unique<MaterialResolver>(in.tables, settings.render.seed);
   in.resolver = state.resolver.get();
   in.wants_aovs = state.options.aov_layers;

@@ -20,6 +20,7 @@
 #include "pipeline/render/render_report.h"
 #include "pipeline/render/resolve_material.h"
 #include "pipeline/render/shade_hits.h"
+#include "pipeline/render/select_lights.h"
 #include "pipeline/render/trace_rays.h"
 
 namespace spillway::pipeline {
@@ -37,6 +38,7 @@ struct RenderState {
   std::unique_ptr<cache::TextureCache> textures;
   std::unique_ptr<TextureEvaluator> evaluator;
   std::unique_ptr<MaterialResolver> resolver;
+  SelectedLights lights;
   std::unique_ptr<Film> film;
   ShadeInputs inputs;
 };

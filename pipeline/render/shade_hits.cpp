@@ -16,8 +16,11 @@ namespace {
 constexpr size_t kBatchHits = ShadeHitsScratch::kBatchHits;
 constexpr size_t kBlockHits = ShadeHitsScratch::kBlockHits;
 
+constexpr size_t kPrefetch = 8;  // hits ahead, of vertices that lie apart
+
 // What one thread needs to shade a block.
 struct BlockScratch {
+  std::array<cache::TrianglePlace, kBlockHits> places;
   std::array<ShadingPoint, kBlockHits> points;
   std::array<SurfaceQuery, kBlockHits> queries;
   std::vector<SplatRecord> splats;
@@ -89,21 +92,30 @@ class Shader {
     return to.cold.append(std::span<const cache::RecordSpan>(pieces).first(blocks.size()));
   }
 
-  void gather(std::span<const HitRecord> hits, std::span<const std::byte> bytes, BlockScratch& scratch) {
+  // Where the triangles of sorted hits lie: neighbours share a segment.
+  void find_triangles(std::span<const HitRecord> hits, std::span<const std::byte> bytes, BlockScratch& scratch) const {
     uint64_t end_prim = 0;  // of the resident block in `bytes`, when there is none given
+    cache::TrianglePlace place;
     for (size_t i = 0; i < hits.size(); ++i) {
-      const HitRecord& hit = hits[i];
-      if (hit.hit.prim >= end_prim) {
-        const uint32_t block = attributes_.block_of(hit.hit.prim);
+      const uint32_t prim = hits[i].hit.prim;
+      if (prim >= end_prim) {
+        const uint32_t block = attributes_.block_of(prim);
         end_prim = attributes_.end_prim(block);
         if (const auto resident = attributes_.resident(block); !resident.empty()) bytes = resident;
       }
-      const cache::TriangleAttributes triangle = cache::triangle_attributes(bytes, PrimId{hit.hit.prim});
-      InstanceTransform transform;
-      if (hit.hit.instance != 0) {
-        const cache::Instance& instance = inputs_.instances[hit.hit.instance];
-        transform = {&instance.world_from_object, &instance.object_from_world};
-      }
+      scratch.places[i] = place = cache::triangle_place(bytes, PrimId{prim}, place);
+      cache::prefetch_indices(place);
+    }
+  }
+
+  void gather(std::span<const HitRecord> hits, std::span<const std::byte> bytes, BlockScratch& scratch) {
+    find_triangles(hits, bytes, scratch);
+    for (size_t i = 0; i < hits.size(); ++i) {
+      if (i + kPrefetch < hits.size()) cache::prefetch_vertices(scratch.places[i + kPrefetch]);
+      const HitRecord& hit = hits[i];
+      const cache::TriangleAttributes triangle = cache::triangle_attributes(scratch.places[i]);
+      Pose moved;
+      const InstanceTransform transform = instance_transform(inputs_, hit, moved);
       const uint32_t mesh = triangle.mesh.value;
       const bool flip = inputs_.tables.meshes[mesh].flags & kMeshFlipNormals;
       scratch.points[i] = shading_point(triangle, hit, transform, flip);
@@ -116,12 +128,12 @@ class Shader {
     const HitRecord& hit = *q.hit;
     if (hit.is_shadow) {
       const size_t at = out.next_shadow(hit.path.sample);
-      out_.shadow_rays[at] = ray_beyond(hit, *q.point);
+      out_.shadow_rays[at] = ray_beyond(inputs_.settings, hit, *q.point);
       out_.shadows[at] = {hit.path.sink, hit.path.sample, hit.path.bounce, hit.path.throughput};
       return;
     }
     const size_t at = out.next_path(hit.path.sample);
-    out_.path_rays[at] = ray_beyond(hit, *q.point);
+    out_.path_rays[at] = ray_beyond(inputs_.settings, hit, *q.point);
     out_.paths[at] = hit.path;
     out_.paths[at].cone_width = q.point->width_world;
   }
@@ -181,6 +193,15 @@ std::vector<uint32_t> blocks_touched(std::span<const HitRecord> hits, const Attr
 }
 
 }  // namespace
+
+InstanceTransform instance_transform(const ShadeInputs& inputs, const HitRecord& hit, Pose& moved) {
+  const float time = ray_time(inputs.settings.shutter, sample_key(hit.path, inputs.settings.seed, inputs.settings.sampler));
+  if (hit.hit.instance == 0) return {nullptr, nullptr, time};
+  const cache::Instance& instance = inputs.instances[hit.hit.instance];
+  if (instance.motion == 0) return {&instance.world_from_object, &instance.object_from_world, time};
+  moved = pose_at(inputs.motions[instance.motion - 1], time);
+  return {&moved.transform, &moved.inverse, time};
+}
 
 AovRecord first_hit_aovs(const SurfaceQuery& q) {
   const Float3 w_prev = q.hit->direction_world * -1.0f;

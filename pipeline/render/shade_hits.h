@@ -34,6 +34,7 @@ struct ShadeInputs {
   PathSettings settings;
   MaterialTables tables;
   std::span<const cache::Instance> instances;
+  std::span<const Motion> motions;
   const MaterialResolver* resolver = nullptr;
   bool wants_aovs = false;
 };
@@ -54,6 +55,9 @@ struct ShadeHitsReport {
   uint64_t partition_count = 0, attribute_blocks_touched = 0;
   std::array<uint64_t, 2> rays_of_half = {0, 0};  // sent on, of both kinds: what keeps an epoch open
 };
+
+// Where the instance that was hit is at the time of the path; `moved` holds the transforms of one that moves.
+[[nodiscard]] InstanceTransform instance_transform(const ShadeInputs& inputs, const HitRecord& hit, Pose& moved);
 
 // What the film's AOV layers hold of a camera ray's first surface (alpha it passes does not count).
 [[nodiscard]] AovRecord first_hit_aovs(const SurfaceQuery& q);

@@ -89,6 +89,30 @@ TEST_F(SameBits, the_streamed_image_is_that_of_the_depth_first_reference) {
   EXPECT_EQ((*film)->hash(), hash_);
 }
 
+TEST_F(SameBits, for_any_way_of_choosing_lights_with_and_without_a_tree) {
+  SmallSceneOptions few;
+  few.has_lamps = false;
+  const auto without = pack_small_scene(directory_->path(), "few", few);
+  ASSERT_TRUE(without) << without.error().message;
+  EXPECT_TRUE(without->light_table().tree.empty());
+  EXPECT_FALSE(store_->light_table().tree.empty());
+  std::map<std::string, int> hashes;
+  for (const Store* store : {static_cast<const Store*>(store_.get()), &*without})
+    for (const LightSelection selection : {LightSelection::tree, LightSelection::power, LightSelection::uniform}) {
+      RenderOptions o = options();
+      o.settings.render.light_selection = selection;
+      o.plan.wave_paths = 1000;
+      const RenderedImage image = render(o, 2, *store);
+      const auto tracer = kernel_tracer(*store);
+      ASSERT_TRUE(tracer) << tracer.error().message;
+      const auto film = render_reference(*store, **tracer, {o.settings, false});
+      ASSERT_TRUE(film) << film.error().message;
+      EXPECT_EQ((*film)->hash(), image.report.image_hash);
+      ++hashes[image.report.image_hash];
+    }
+  EXPECT_EQ(hashes.size(), 5u);  // without a tree, `tree` is by power
+}
+
 TEST_F(SameBits, layers_are_those_of_the_reference_too) {
   RenderOptions o = options();
   o.aov_layers = true;
