@@ -24,7 +24,7 @@ struct PathRange {
 struct PlannedWave {
   double paths = 0;
   PathRange begun;
-  std::vector<PathRange> going_on;  // whose paths are still on their way, the latest first
+  std::vector<PathRange> going_on;  // those of before that are still on their way
 };
 
 // What is known of the log as a whole.
@@ -83,7 +83,12 @@ class WavePlanner {
     std::vector<PlannedWave> waves;
     while (true) {
       PlannedWave wave;
-      for (const PathGroup& group : groups_) wave.paths += group.live, wave.going_on.push_back(group.range);
+      // The log's lists of what goes on hold all ages at once: those of the youngest stand for the older ones.
+      const auto youngest = std::ranges::min_element(groups_, {}, &PathGroup::age);
+      for (const PathGroup& group : groups_) {
+        wave.paths += group.live;
+        if (group.age == youngest->age) wave.going_on.push_back(group.range);
+      }
       top_up(wave);
       if (wave.paths < 0.5) return waves;
       waves.push_back(std::move(wave));
