@@ -10,6 +10,7 @@
 #include "tools/city/manifest.h"
 #include "tools/city/pbrt_sink.h"
 #include "tools/commands.h"
+#include "tools/open_scene.h"
 #include "tools/sizes.h"
 #include "tools/write_text.h"
 
@@ -43,7 +44,8 @@ Result<std::unique_ptr<pipeline::SceneSink>> make_sink(const CityArguments& a) {
   pipeline::PackOptions pack;
   pack.dice.edge_length_px = a.edge_length_px;
   if (!a.memory.empty()) {
-    SPILLWAY_ASSIGN(pack.memory_limit_bytes, parse_bytes(a.memory));
+    SPILLWAY_ASSIGN(const uint64_t bytes, parse_bytes(a.memory));
+    SPILLWAY_ASSIGN(pack.memory_limit_bytes, pack_limit_bytes(bytes));
   }
   SPILLWAY_ASSIGN(auto packer, pipeline::ScenePacker::create(a.output / "city.store", pack));
   return std::unique_ptr<pipeline::SceneSink>(std::move(packer));
@@ -70,6 +72,8 @@ Status write_city(const CityArguments& a, const City& plan) {
   SPILLWAY_ASSIGN(const auto sink, make_sink(a));
   SPILLWAY_TRY(plan.emit(*sink, a.output / "sky.exr"));
   SPILLWAY_TRY(sink->finish());
+  if (const auto* packer = dynamic_cast<const pipeline::ScenePacker*>(sink.get()); packer && !a.quiet)
+    fmt::print(stderr, "{}", report_table(packer->report()));
   return write_text(a.output / "manifest.json", city::manifest_json(plan, a.city));
 }
 
