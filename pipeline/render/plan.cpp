@@ -124,10 +124,10 @@ Plan shape(const SceneFacts& f, const PlanOptions& o, uint64_t paths, bool spill
   plan.cold_bytes = spills ? 0 : UINT64_MAX;
   plan.hit_bytes = spills ? kSmallestHitSortBytes : UINT64_MAX;
   plan.epoch_samples = 16;
-  // A wave must not starve on two open epochs.
+  // A wave must not starve on two open epochs: each fills one, the first ones too. Else a wave drains before the next two
+  // open, and every bounce of the few paths that are left is a sweep.
   while (uint64_t{plan.epoch_samples} * f.pixel_count < paths && plan.epoch_samples < (1u << 16)) plan.epoch_samples *= 2;
-  // Nor on the first ones, which double from here: two of them fill half of a wave.
-  while (uint64_t{4} * plan.first_epoch_samples * f.pixel_count < paths && plan.first_epoch_samples < plan.epoch_samples)
+  while (uint64_t{plan.first_epoch_samples} * f.pixel_count < paths && plan.first_epoch_samples < plan.epoch_samples)
     plan.first_epoch_samples *= 2;
   plan.memory_bytes = fixed_bytes(f, o) + wave_bytes(f, paths, spills) + share.sum();
   if (spills) {
