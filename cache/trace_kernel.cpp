@@ -346,7 +346,15 @@ SPILLWAY_INLINE bool walk_page(const TracePageView& page, uint32_t instance, con
 
 float extent_of(const Bounds3& b) { return std::max(max_abs(b.lower), max_abs(b.upper)); }
 
+// Out of line, so that what stands still does not pay for it.
+[[gnu::noinline]] KernelRay moving_object_ray(const PageTree& tree, const Instance& instance, const TraceRay& ray) {
+  const Affine3 object_from_world = pose_at(tree.motions[instance.motion - 1], ray.time).inverse;
+  return {object_from_world.point(ray.origin_world), object_from_world.vector(ray.direction_world),
+          extent_of(tree.objects[instance.object].bounds_object)};
+}
+
 KernelRay object_ray(const PageTree& tree, const Instance& instance, const TraceRay& ray) {
+  if (instance.motion != 0) [[unlikely]] return moving_object_ray(tree, instance, ray);
   return {instance.object_from_world.point(ray.origin_world), instance.object_from_world.vector(ray.direction_world),
           extent_of(tree.objects[instance.object].bounds_object)};
 }

@@ -80,6 +80,10 @@ FilterSample FilterSampler::sample(Float2 u) const {
 }
 
 CameraRay camera_ray(const Camera& camera, Float2 p_raster_px, Float2 u_lens) {
+  return camera_ray(camera, camera.world_from_camera, p_raster_px, u_lens);
+}
+
+CameraRay camera_ray(const Camera& camera, const Affine3& world_from_camera, Float2 p_raster_px, Float2 u_lens) {
   const auto width = static_cast<float>(camera.resolution_x_px), height = static_cast<float>(camera.resolution_y_px);
   const float x = camera.screen_center_x + camera.tan_half_fov_x * (2 * p_raster_px.x / width - 1);
   const float y = camera.screen_center_y + camera.tan_half_fov_y * (1 - 2 * p_raster_px.y / height);
@@ -93,8 +97,8 @@ CameraRay camera_ray(const Camera& camera, Float2 p_raster_px, Float2 u_lens) {
   }
   const float pixel = 2 * camera.tan_half_fov_y / height;  // its size, or its angle at the image's centre
   CameraRay ray;
-  ray.origin_world = camera.world_from_camera.point(origin);
-  ray.direction_world = normalize(camera.world_from_camera.vector(direction));
+  ray.origin_world = world_from_camera.point(origin);
+  ray.direction_world = normalize(world_from_camera.vector(direction));
   ray.cone_width = parallel ? pixel : 0;
   ray.cone_spread = parallel ? 0 : pixel;
   return ray;

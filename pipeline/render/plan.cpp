@@ -90,7 +90,7 @@ void predict(const SceneFacts& f, const Rates& r, Plan& plan) {
   const double spill_bytes = plan.spills ? steps * (kColdSpillBytesPerStep + (hits_spill ? kHitSpillBytesPerStep : 0)) : 0;
   const double compute = steps / r.path_steps_per_second + waves * r.wave_overhead_seconds;
   const double io = (page_bytes + spill_bytes) / r.disk_bytes_per_second;
-  plan.predicted_waves = static_cast<uint64_t>(waves);
+  plan.predicted_waves = static_cast<uint64_t>(waves), plan.predicted_steps = steps;
   plan.predicted_page_bytes = static_cast<uint64_t>(page_bytes);
   plan.predicted_spill_bytes = static_cast<uint64_t>(spill_bytes);
   plan.predicted_scratch_bytes = plan.spills ? plan.wave_paths * (2 * kColdBytesPerPath + 96 + 16) : 0;
