@@ -45,11 +45,11 @@ class SceneSink {
   virtual uint32_t begin_object(std::string name) = 0;        // a prototype; its meshes name it
   virtual Status add_mesh(const MeshInput& mesh) = 0;
   virtual Status add_instance(uint32_t object, const Affine3& world_from_object) = 0;
-  // Moves from the first place to the second: between the times of MotionSettings.
-  virtual Status add_moving_instance(uint32_t object, const Affine3& start, const Affine3& end) = 0;
+  // Moves from the first place to the second, between the times of MotionSettings; sinks that only see still scenes refuse.
+  virtual Status add_moving_instance(uint32_t object, const Affine3& start, const Affine3& end);
   virtual void set_settings(const SceneSettings& settings) = 0;  // camera, filter, film, render
-  // The camera moves from where the settings have it to here. After set_settings.
-  virtual Status set_camera_end(const Affine3& world_from_camera) = 0;
+  // The camera moves from where the settings have it to here. After set_settings; refused likewise.
+  virtual Status set_camera_end(const Affine3& world_from_camera);
   // One camera a frame, from `first_frame` on, of the resolution of the settings' camera: what `render --frames` follows.
   // Without a path there is one frame, of the settings' camera. A path's cameras stand still
   // while the shutter is open; sinks that have no use for one leave it.
@@ -58,6 +58,12 @@ class SceneSink {
   virtual Status finish() = 0;
 };
 
+inline Status SceneSink::add_moving_instance(uint32_t object, const Affine3& /*start*/, const Affine3& /*end*/) {
+  return error("instances of object {} cannot move here", object);
+}
+inline Status SceneSink::set_camera_end(const Affine3& /*world_from_camera*/) {
+  return error("the camera cannot move here");
+}
 inline void SceneSink::set_camera_path(uint32_t /*first_frame*/, std::span<const shading::Camera> /*cameras*/) {}
 
 }  // namespace spillway::pipeline
