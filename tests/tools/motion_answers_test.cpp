@@ -6,7 +6,7 @@
 #include <fstream>
 #include <functional>
 
-#include "tests/tools/rendered_scene.h"
+#include "tests/tools/rendered.h"
 #include "tools/metrics/statistical_equality.h"
 
 namespace spillway::tools {
@@ -26,7 +26,7 @@ constexpr const char* kFaces = "] \"integer indices\" [0 1 2 0 2 3]\n";
 Picture rendered_text(const std::string& text, int samples) {
   const test::TemporaryDirectory directory;
   std::ofstream(directory.path() / "scene.pbrt") << text;
-  return rendered(SPILLWAY_PROGRAM, directory.path() / "scene.pbrt", samples);
+  return rendered(directory.path() / "scene.pbrt", samples);
 }
 
 // The mean over each pixel of `brightness`, of 64 x 64 places: off by less than a thousandth where it has no edges.
