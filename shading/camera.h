@@ -28,9 +28,16 @@ class FilterSampler {
   [[nodiscard]] FilterSample sample(Float2 u) const;
 
  private:
+  struct AxisSample {
+    float offset, sign;
+  };
+  [[nodiscard]] AxisSample sample_axis(int axis, float u) const;
+
   static constexpr int kCells = 128;
   Filter filter_;
   float cdf_[2][kCells + 1] = {};  // of |f| along x and y (all kinds are separable)
+  float sign_[2][kCells] = {};
+  uint8_t first_cell_[2][kCells] = {};  // the last that begins at or before i / kCells
   float scale_ = 1;                // integral |f| / integral f, over both axes
 };
 

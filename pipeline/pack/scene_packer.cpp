@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "cache/section_file.h"
+#include "pipeline/light_validation.h"
 #include "pipeline/pack/bake_micromap.h"
 #include "pipeline/pack/dice_subdivision.h"
 #include "pipeline/pack/make_motion.h"
@@ -157,8 +158,6 @@ Result<MaterialId> ScenePacker::add_material(const Material& material, std::stri
 Status ScenePacker::add_light(const shading::Light& light) {
   SPILLWAY_TRY(state_);
   const std::string where = fmt::format("light {}", lights_.size());
-  if (light.kind == shading::LightKind::triangle)
-    return failed(error("{}: triangles emit as meshes, not as lights", where));
   SPILLWAY_TRY(failed(check_light(light, where)));
   if (light.has_image != 0) return failed(error("{}: an infinite light with an image is an environment", where));
   lights_.push_back(light);
@@ -191,8 +190,6 @@ Status ScenePacker::check_mesh(const MeshInput& mesh) const {
   const Rgb l = mesh.emission;
   if (mesh.emits && (!is_finite(l) || l.r < 0 || l.g < 0 || l.b < 0))
     return error("{}: emits ({}, {}, {}); emission must be finite and not negative", mesh.name, l.r, l.g, l.b);
-  if (mesh.emits && mesh.object != 0)
-    return error("{}: emits light inside an instanced object, which is not possible; put it into the world", mesh.name);
   return {};
 }
 
@@ -206,6 +203,7 @@ Status ScenePacker::add_mesh(const MeshInput& mesh) {
   SPILLWAY_TRY(failed(check_mesh(mesh)));
   auto spooled = spool_mesh(mesh, *spool_, options_.max_faces_per_attribute_block, degenerate_count_);
   if (!spooled) return failed(spooled.error());
+  if (mesh.emits) dark_light_count_ += mesh.indices.size() / 3 - (spooled->emits ? spooled->row.face_count : 0);
   if (!spooled->chunks.empty()) scene_.meshes.push_back(std::move(*spooled));
   return {};
 }
@@ -307,11 +305,17 @@ Status ScenePacker::number_meshes() {
   return {};
 }
 
-// What stands nowhere has no box; trees have no place for it.
+// What stands nowhere has no box; trees have no place for it. Instances that emit come first, behind the world.
 void ScenePacker::keep_instances_of_triangles() {
-  std::vector<bool> has_triangles(scene_.object_count, false);
-  for (const SpooledMesh& mesh : scene_.meshes) has_triangles[mesh.row.object] = true;
+  std::vector<bool> has_triangles(scene_.object_count, false), emits(scene_.object_count, false);
+  for (const SpooledMesh& mesh : scene_.meshes) {
+    has_triangles[mesh.row.object] = true;
+    if (mesh.emits) emits[mesh.row.object] = true;
+  }
   std::erase_if(instances_, [&](const cache::Instance& i) { return i.object != 0 && !has_triangles[i.object]; });
+  const auto others = std::stable_partition(instances_.begin() + 1, instances_.end(),
+                                            [&](const cache::Instance& i) { return emits[i.object]; });
+  emitting_instance_count_ = static_cast<size_t>(others - instances_.begin()) - 1;
   std::vector<Motion> motions;  // of those that are left, and of the camera
   const auto keep = [&](uint32_t& motion) {
     if (motion == 0) return;
@@ -321,6 +325,14 @@ void ScenePacker::keep_instances_of_triangles() {
   keep(settings_.camera.motion);
   for (cache::Instance& instance : instances_) keep(instance.motion);
   motions_ = std::move(motions);
+}
+
+// Light trees know one place for each.
+Status ScenePacker::check_emitters_stand_still() const {
+  for (size_t i = 1; i <= emitting_instance_count_; ++i)
+    if (instances_[i].motion != 0)
+      return error("an instance of '{}' emits light and moves, which is not possible", object_names_[instances_[i].object - 1]);
+  return {};
 }
 
 Status ScenePacker::dice_cages() {
@@ -363,6 +375,7 @@ Status ScenePacker::write_store() {
   SPILLWAY_TRY(spool_->seal());
   SPILLWAY_TRY(number_meshes());
   keep_instances_of_triangles();
+  SPILLWAY_TRY(check_emitters_stand_still());
   SPILLWAY_TRY(check_disk());
   SPILLWAY_TRY(write_images(packed));
   SPILLWAY_TRY(write_attributes(packed));
@@ -398,7 +411,9 @@ Status ScenePacker::write_lights(Packed& packed) {
     SPILLWAY_ASSIGN(packed.environment,
                     pack_environment(image, packed.images[image], *packed.textures, images_[image].file.string()));
   }
-  SPILLWAY_ASSIGN(packed.lights, pack_lights(scene_, lights_, packed.environment, packed.tree.bounds_world));
+  const BuildLightTreeOptions tree{.scratch = scratch_.get(), .memory_limit_bytes = options_.memory_limit_bytes / 8};
+  SPILLWAY_ASSIGN(packed.lights, pack_lights(scene_, {lights_, packed.environment, instances_, emitting_instance_count_,
+                                                      packed.tree.bounds_world, tree}));
   return {};
 }
 
@@ -452,6 +467,7 @@ SceneStatistics ScenePacker::statistics(const Packed& packed) const {
   statistics.triangle_count = scene_.prim_count;
   for (const cache::Instance& instance : instances_) statistics.instanced_triangle_count += triangles[instance.object];
   statistics.degenerate_dropped_count = degenerate_count_;
+  statistics.dark_light_count = dark_light_count_ + packed.lights.dark_count;
   statistics.bounds_world = packed.tree.bounds_world;
   return statistics;
 }
@@ -469,7 +485,7 @@ std::string ScenePacker::name_lines() const {
 
 Status ScenePacker::write_manifest(const Packed& packed) {
   // No padding inside, whose bytes would be anything.
-  static_assert(sizeof(SceneSettings) == 216);
+  static_assert(sizeof(SceneSettings) == 224);
   settings_.statistics = statistics(packed);
   report_.triangle_count = scene_.prim_count, report_.instance_count = instances_.size() - 1;
   report_.mesh_count = scene_.meshes.size(), report_.attribute_block_count = packed.attributes.size();
@@ -488,6 +504,12 @@ Status ScenePacker::write_manifest(const Packed& packed) {
   add(section::kImages, packed.images);
   add(section::kLights, packed.lights.lights);
   add(section::kLightCdf, packed.lights.cdf);
+  add(section::kEmitters, packed.lights.emitters);
+  add(section::kEmissions, packed.lights.emissions);
+  add(section::kLightNodes, packed.lights.trees.nodes);
+  add(section::kLightRoots, packed.lights.trees.roots);
+  add(section::kEmitterLeaves, packed.lights.trees.emitter_leaves);
+  add(section::kInstanceLeaves, packed.lights.trees.instance_leaves);
   add(section::kEnvironment, packed.environment);
   add(section::kPages, packed.pages.pages);
   add(section::kTreeNodes, packed.tree.nodes);

@@ -85,6 +85,7 @@ class ScenePacker final : public SceneSink {
   Status dice_cages();
   Status number_meshes();
   void keep_instances_of_triangles();
+  Status check_emitters_stand_still() const;
   [[nodiscard]] MovingInstances moving_instances() const;
   [[nodiscard]] uint64_t table_bytes() const;
   Status check_disk() const;
@@ -117,7 +118,8 @@ class ScenePacker final : public SceneSink {
   ImageId environment_image_;
   std::vector<cache::Instance> instances_;
   std::vector<Motion> motions_;
-  uint64_t degenerate_count_ = 0;
+  size_t emitting_instance_count_ = 0;
+  uint64_t degenerate_count_ = 0, dark_light_count_ = 0;
   PackReport report_;
   std::chrono::steady_clock::time_point created_ = std::chrono::steady_clock::now();
   Status state_;               // the first error

@@ -16,8 +16,11 @@ namespace {
 constexpr size_t kBatchHits = ShadeHitsScratch::kBatchHits;
 constexpr size_t kBlockHits = ShadeHitsScratch::kBlockHits;
 
+constexpr size_t kPrefetch = 8;  // hits ahead, of vertices that lie apart
+
 // What one thread needs to shade a block.
 struct BlockScratch {
+  std::array<cache::TrianglePlace, kBlockHits> places;
   std::array<ShadingPoint, kBlockHits> points;
   std::array<SurfaceQuery, kBlockHits> queries;
   std::vector<SplatRecord> splats;
@@ -89,16 +92,28 @@ class Shader {
     return to.cold.append(std::span<const cache::RecordSpan>(pieces).first(blocks.size()));
   }
 
-  void gather(std::span<const HitRecord> hits, std::span<const std::byte> bytes, BlockScratch& scratch) {
+  // Where the triangles of sorted hits lie: neighbours share a segment.
+  void find_triangles(std::span<const HitRecord> hits, std::span<const std::byte> bytes, BlockScratch& scratch) const {
     uint64_t end_prim = 0;  // of the resident block in `bytes`, when there is none given
+    cache::TrianglePlace place;
     for (size_t i = 0; i < hits.size(); ++i) {
-      const HitRecord& hit = hits[i];
-      if (hit.hit.prim >= end_prim) {
-        const uint32_t block = attributes_.block_of(hit.hit.prim);
+      const uint32_t prim = hits[i].hit.prim;
+      if (prim >= end_prim) {
+        const uint32_t block = attributes_.block_of(prim);
         end_prim = attributes_.end_prim(block);
         if (const auto resident = attributes_.resident(block); !resident.empty()) bytes = resident;
       }
-      const cache::TriangleAttributes triangle = cache::triangle_attributes(bytes, PrimId{hit.hit.prim});
+      scratch.places[i] = place = cache::triangle_place(bytes, PrimId{prim}, place);
+      cache::prefetch_indices(place);
+    }
+  }
+
+  void gather(std::span<const HitRecord> hits, std::span<const std::byte> bytes, BlockScratch& scratch) {
+    find_triangles(hits, bytes, scratch);
+    for (size_t i = 0; i < hits.size(); ++i) {
+      if (i + kPrefetch < hits.size()) cache::prefetch_vertices(scratch.places[i + kPrefetch]);
+      const HitRecord& hit = hits[i];
+      const cache::TriangleAttributes triangle = cache::triangle_attributes(scratch.places[i]);
       Pose moved;
       const InstanceTransform transform = instance_transform(inputs_, hit, moved);
       const uint32_t mesh = triangle.mesh.value;
@@ -206,24 +221,35 @@ Status shade_hits(const ShadeInputs& inputs, cache::ExternalSort<HitRecord>& hit
                                       next_paths, next_shadows, report));
     return {};
   };
+  // Hits of ascending triangles: their blocks follow each other in the file.
+  const auto shade_run = [&](std::span<const HitRecord> run) -> Status {
+    const bool resident = attributes.parts().all_resident();
+    const std::vector<uint32_t> blocks =
+        resident && scratch.touched_blocks == nullptr ? std::vector<uint32_t>{} : blocks_touched(run, attributes);
+    if (scratch.touched_blocks)
+      scratch.touched_blocks->insert(scratch.touched_blocks->end(), blocks.begin(), blocks.end());
+    if (resident) return shade_range(run, {});
+    report.attribute_blocks_touched += blocks.size();
+    size_t first = 0;
+    return attributes.parts().sweep(blocks, [&](uint32_t block, std::span<const std::byte> bytes) -> Status {
+      const uint64_t end = attributes.end_prim(block);
+      size_t last = first;
+      while (last < run.size() && run[last].hit.prim < end) ++last;
+      const auto range = run.subspan(first, last - first);
+      first = last;
+      return shade_range(range, bytes);
+    });
+  };
   for (size_t p = 0; p < hits.partition_count(); ++p) {
     SPILLWAY_ASSIGN(const std::span<const HitRecord> partition, hits.partition(p));
     ++report.partition_count;
-    if (attributes.parts().all_resident()) {
-      SPILLWAY_TRY(shade_range(partition, {}));
-      continue;
+    for (size_t first = 0; first < partition.size();) {
+      const auto rest = partition.subspan(first);
+      const auto end = std::is_sorted_until(
+          rest.begin(), rest.end(), [](const HitRecord& a, const HitRecord& b) { return a.hit.prim < b.hit.prim; });
+      SPILLWAY_TRY(shade_run(rest.first(static_cast<size_t>(end - rest.begin()))));
+      first += static_cast<size_t>(end - rest.begin());
     }
-    const std::vector<uint32_t> blocks = blocks_touched(partition, attributes);
-    report.attribute_blocks_touched += blocks.size();
-    size_t first = 0;
-    SPILLWAY_TRY(attributes.parts().sweep(blocks, [&](uint32_t block, std::span<const std::byte> bytes) -> Status {
-      const uint64_t end = attributes.end_prim(block);
-      size_t last = first;
-      while (last < partition.size() && partition[last].hit.prim < end) ++last;
-      const auto range = partition.subspan(first, last - first);
-      first = last;
-      return shade_range(range, bytes);
-    }));
   }
   return {};
 }

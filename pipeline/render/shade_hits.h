@@ -10,6 +10,7 @@
 
 #include <array>
 #include <cstdint>
+#include <vector>
 
 #include "cache/external_sort.h"
 #include "cache/record_stream.h"
@@ -42,6 +43,7 @@ struct ShadeInputs {
 struct ShadeHitsScratch {
   static constexpr size_t kBatchHits = 1 << 14;
   static constexpr size_t kBlockHits = 256;
+  std::vector<uint32_t>* touched_blocks = nullptr;  // attribute blocks that hits lie in are added here, for a log
   Buffer<cache::TraceRay> path_rays{MemoryTag::paths, kBatchHits};
   Buffer<PathRecord> paths{MemoryTag::paths, kBatchHits};
   Buffer<cache::TraceRay> shadow_rays{MemoryTag::paths, kBatchHits};

@@ -52,7 +52,7 @@ struct PathSettings {
 struct SurfaceValues {
   shading::BsdfParams bsdf;
   Float3 normal_shading;                // bumped
-  uint32_t light = LightId::kNone;      // of the face, when it emits
+  uint32_t light = LightId::kNone;      // emitter of the face, when it emits
 };
 
 struct ShadedVertex {

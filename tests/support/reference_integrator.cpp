@@ -8,6 +8,7 @@
 #include "pipeline/evaluate_texture.h"
 #include "pipeline/render/attribute_store.h"
 #include "pipeline/render/resolve_material.h"
+#include "pipeline/render/select_lights.h"
 #include "pipeline/render/shade_hits.h"
 #include "pipeline/render/shade_path.h"
 
@@ -138,6 +139,7 @@ struct ReferenceState {
   std::unique_ptr<cache::TextureCache> textures;
   std::unique_ptr<TextureEvaluator> evaluator;
   std::unique_ptr<MaterialResolver> resolver;
+  SelectedLights lights;
   ShadeInputs inputs;
 };
 
@@ -152,7 +154,8 @@ Status open(const Store& store, const ReferenceOptions& options, ReferenceState&
   }
   state.evaluator = std::make_unique<TextureEvaluator>(store.textures(), state.textures.get());
   const RenderSettings& render = options.settings.render;
-  state.inputs.settings = {store.light_table(), render.max_depth, render.seed, render.sampler,
+  state.lights = SelectedLights(store, render.light_selection);
+  state.inputs.settings = {state.lights.table(), std::min(render.max_depth, kMostBounces), render.seed, render.sampler,
                            ray_times(store, options.settings).shutter};
   state.inputs.tables = {store.meshes(), store.materials(), state.evaluator.get()};
   state.inputs.instances = store.page_tree().instances;

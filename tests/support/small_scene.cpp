@@ -192,7 +192,23 @@ Status add_objects(Builder& b, ScenePacker& packer, bool moves) {
   return {};
 }
 
-Status add_everything(ScenePacker& packer, const std::filesystem::path& images, bool moves) {
+// A lamp head that shines down and a shade that does not, at five places.
+Status add_lamps(Builder& b, ScenePacker& packer) {
+  SPILLWAY_ASSIGN(const MaterialId grey, b.material(MaterialKind::diffuse, constant(0.4f, 0.4f, 0.4f), 0));
+  const uint32_t object = packer.begin_object("lamp");
+  SPILLWAY_TRY(b.mesh(grid({-0.05f, 0, -0.05f}, {0.1f, 0, 0}, {0, 0, 0.1f}, 2), grey, object, {}, {9, 14, 20}));
+  SPILLWAY_TRY(b.mesh(grid({-0.08f, 0.03f, -0.08f}, {0.16f, 0, 0}, {0, 0, 0.16f}, 1), grey, object));
+  for (int i = 0; i < 5; ++i) {
+    Affine3 place;
+    place.m[0][0] = i == 3 ? -1.0f : 1.0f, place.m[2][2] = i == 1 ? 2.5f : 1.0f, place.m[0][1] = i == 4 ? 0.6f : 0.0f;
+    place.m[0][3] = -1.6f + 0.8f * static_cast<float>(i), place.m[1][3] = 1.9f, place.m[2][3] = -0.4f * static_cast<float>(i);
+    SPILLWAY_TRY(packer.add_instance(object, place));
+  }
+  return {};
+}
+
+Status add_everything(ScenePacker& packer, const std::filesystem::path& images, const SmallSceneOptions& options) {
+  const bool moves = options.moves;
   Builder b(packer, images);
   SPILLWAY_ASSIGN(const uint32_t check_texture, b.image("checks.png", 128, 3, checks, 1));
   SPILLWAY_ASSIGN(const uint32_t hole_texture, b.image("holes.png", 128, 1, holes, 1));
@@ -201,6 +217,7 @@ Status add_everything(ScenePacker& packer, const std::filesystem::path& images, 
   checked.texture = check_texture;
   SPILLWAY_TRY(add_room(b, checked, wave_texture));
   SPILLWAY_TRY(add_objects(b, packer, moves));
+  if (options.has_lamps) SPILLWAY_TRY(add_lamps(b, packer));
   Material fence;
   fence.reflectance = constant(0.2f, 0.5f, 0.2f);
   fence.displacement = wave_texture;
@@ -262,7 +279,7 @@ Result<Store> pack_small_scene(const std::filesystem::path& directory, const std
   std::vector<shading::Camera> path(options.frame_count, settings(options).camera);
   for (size_t f = 0; f < path.size(); ++f) path[f].world_from_camera.m[0][3] += 0.05f * static_cast<float>(f);
   packer->set_camera_path(1, path);
-  SPILLWAY_TRY(add_everything(*packer, directory, options.moves));
+  SPILLWAY_TRY(add_everything(*packer, directory, options));
   SPILLWAY_TRY(packer->finish());
   return Store::open(store);
 }

@@ -63,9 +63,9 @@ struct OpenScope {
 struct Object {
   uint32_t index = 0;
   Place place;
-  uint64_t mesh_count = 0;           // of what does not emit
+  uint64_t mesh_count = 0;
+  bool emits = false;
   std::vector<MovingShape> moving;
-  std::vector<ReadShape> emitters;   // shapes of the world, once for each instance: every light has its place
 };
 
 enum class Where : uint8_t { options, world, anywhere };
@@ -417,13 +417,10 @@ class Importer {
     SPILLWAY_ASSIGN(ReadShape shape, read_shape(session_, textures_, type.text, params, directive.place, shape_state));
     if (state_.moves() && !shape.emits()) return moving_shape(std::move(shape));
     if (state_.moves()) SPILLWAY_TRY(emitter_moves(directive.place));
-    if (object_ == nullptr) return send_shape(session_, std::move(shape));
-    if (shape.emits()) {
-      SPILLWAY_TRY(count_emitter(shape, directive.place));
-      object_->emitters.push_back(std::move(shape));
-      return {};
+    if (object_ != nullptr) {
+      shape.state.object = object_->index, ++object_->mesh_count;
+      object_->emits = object_->emits || shape.emits();
     }
-    shape.state.object = object_->index, ++object_->mesh_count;
     return send_shape(session_, std::move(shape));
   }
 
@@ -486,30 +483,17 @@ class Importer {
       return error_at(name.place, "there is no object {}: define it before its first instance", to_string(name));
     }
     const Object& object = at->second;
-    if (object.mesh_count == 0 && object.moving.empty() && object.emitters.empty()) {
+    if (object.mesh_count == 0 && object.moving.empty()) {
       session_.warn(name.place, "object {} holds nothing: the instance is left out", to_string(name));
       return {};
     }
-    if (object.mesh_count > 0)
-      SPILLWAY_TRY(add_instance(object.index, state_.transform, state_.transform_end, directive.place));
+    if (state_.moves() && object.emits) SPILLWAY_TRY(emitter_moves(directive.place));
+    const Transform& end = object.emits ? state_.transform : state_.transform_end;
+    if (object.mesh_count > 0) SPILLWAY_TRY(add_instance(object.index, state_.transform, end, directive.place));
     for (const MovingShape& shape : object.moving)
-      SPILLWAY_TRY(add_instance(shape.object, state_.transform * shape.start, state_.transform_end * shape.end, directive.place));
-    if (state_.moves() && !object.emitters.empty()) SPILLWAY_TRY(emitter_moves(directive.place));
-    for (const ReadShape& kept : object.emitters) {
-      SPILLWAY_TRY(count_emitter(kept, directive.place));
-      ReadShape emitter = kept;
-      emitter.state.object_from_shape = state_.transform * emitter.state.object_from_shape;
-      SPILLWAY_TRY(send_shape(session_, std::move(emitter)));
-    }
+      SPILLWAY_TRY(add_instance(shape.object, state_.transform * shape.start, end * shape.end, directive.place));
     ++session_.report.instance_count;
     return {};
-  }
-
-  Status count_emitter(const ReadShape& shape, const Place& place) {
-    emitter_count_ += shape.mesh.indices.size() / 3;
-    const uint64_t most = session_.options.most_instanced_emitters;
-    if (emitter_count_ <= most) return {};
-    return error_at(place, "objects and their instances hold more than {} emitting triangles", most);
   }
 
   static const std::array<Directive, 40> kDirectives;
@@ -523,7 +507,6 @@ class Importer {
   std::map<std::string, NamedSystem> systems_;
   std::map<std::string, Object> objects_;
   Object* object_ = nullptr;  // the one being defined
-  uint64_t emitter_count_ = 0;
   SceneOptions options_;
   bool in_world_ = false;
 };
