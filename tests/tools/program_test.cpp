@@ -200,9 +200,9 @@ TEST_F(ProgramTest, a_word_and_a_string_of_four_gigabytes_are_refused_at_their_p
   for (const auto& [opening, message] : {std::pair{"WorldBegin\\n  Shape \"", "scene.pbrt:2:9: string of more than 65536 bytes"},
                                          std::pair{"WorldBegin\\n  ", "scene.pbrt:2:3: word of more than 65536 bytes"}}) {
     const Ended ended = run(fmt::format(
-        "cd {}; rm -f scene.pbrt; mkfifo scene.pbrt\n"
+        "{{ cd {}; rm -f scene.pbrt; mkfifo scene.pbrt\n"
         "(printf '{}'; yes aaaaaaaa | tr -d '\\n' | head -c 4294967296) 2>/dev/null >scene.pbrt &\n"
-        "({}" SPILLWAY_PROGRAM " render scene.pbrt -o out.exr --memory 256MiB); status=$?; kill $! 2>/dev/null; exit $status",
+        "({}" SPILLWAY_PROGRAM " render scene.pbrt -o out.exr --memory 256MiB); status=$?; kill $! 2>/dev/null; exit $status; }}",
         folder_.string(), opening, kLimit));
     expect_refused(ended, {message});
   }
