@@ -56,6 +56,7 @@ class ScenePacker final : public SceneSink {
   Result<MaterialId> add_material(const Material& material, std::string name) override;
   Status add_light(const shading::Light& light) override;
   Status add_environment(const shading::Light& light, ImageId image) override;
+  Status add_portal(const shading::Portal& portal) override;
   uint32_t begin_object(std::string name) override;
   Status add_mesh(const MeshInput& mesh) override;
   Status add_subdivision(const SubdivisionInput& subdivision) override;
@@ -115,6 +116,7 @@ class ScenePacker final : public SceneSink {
   std::vector<Material> materials_;
   std::vector<std::string> material_names_, object_names_;
   std::vector<shading::Light> lights_;
+  std::vector<shading::Portal> portals_;
   ImageId environment_image_;
   std::vector<cache::Instance> instances_;
   std::vector<Motion> motions_;

@@ -76,6 +76,8 @@ class SceneSink {
   virtual Status add_light(const shading::Light& light) = 0;  // point, spot, distant, infinite
   // An infinite light with has_image, and its image; one a scene.
   virtual Status add_environment(const shading::Light& light, ImageId image) = 0;
+  // Of the infinite light that was added last, whatever it says of the light itself; one a scene.
+  virtual Status add_portal(const shading::Portal& portal) = 0;
   virtual uint32_t begin_object(std::string name) = 0;        // a prototype; its meshes name it
   virtual Status add_mesh(const MeshInput& mesh) = 0;
   virtual Status add_subdivision(const SubdivisionInput& subdivision);

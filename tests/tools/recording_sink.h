@@ -35,6 +35,7 @@ class RecordingSink : public pipeline::SceneSink {
   std::vector<std::string> material_names;
   std::vector<shading::Light> lights;
   std::vector<ImageId> environments;
+  std::vector<shading::Portal> portals;
   std::vector<std::string> objects;
   std::vector<RecordedMesh> meshes;
   std::vector<RecordedCage> cages;
@@ -78,6 +79,11 @@ class RecordingSink : public pipeline::SceneSink {
     if (image.value >= images.size()) contract = "image after its light";
     environments.push_back(image);
     return add_light(light);
+  }
+  Status add_portal(const shading::Portal& portal) override {
+    if (lights.empty() || lights.back().kind != shading::LightKind::infinite) contract = "portal without its light";
+    portals.push_back(portal);
+    return {};
   }
   uint32_t begin_object(std::string name) override {
     objects.push_back(std::move(name));
