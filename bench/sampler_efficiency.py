@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Sobol' samples against independent ones on the scenes of tests/twins: error, time, efficiency.
 
-  bench/sampler_efficiency.py build/spillway [--spp 64] [--seeds 8]
+  bench/sampler_efficiency.py build/spillway [NAME...] [--spp 64] [--seeds 8]
 
 Error is the mean relative squared error against tests/images, over several seeds; efficiency its inverse over the time
 of rendering. Markdown rows on standard output; the exit code is 1 when Sobol' samples are the less efficient anywhere.
@@ -44,12 +44,14 @@ def measure(program, scene, folder, seeds, spp):
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("program", type=pathlib.Path)
+    parser.add_argument("names", nargs="*", help="of scenes [all]")
     parser.add_argument("--spp", type=int, default=64)
     parser.add_argument("--seeds", type=int, default=8)
     arguments = parser.parse_args()
     ratios = []
     print("| scene | error, Sobol' | error, independent | seconds | efficiency, Sobol' of independent |\n|---|---|---|---|---|")
-    for scene in sorted((TESTS / "twins").glob("*.pbrt")):
+    scenes = [TESTS / "twins" / f"{name}.pbrt" for name in arguments.names] or sorted((TESTS / "twins").glob("*.pbrt"))
+    for scene in scenes:
         with tempfile.TemporaryDirectory() as folder:
             sums = measure(arguments.program.resolve(), scene, pathlib.Path(folder), arguments.seeds, arguments.spp)
         (sobol, sobol_seconds), (independent, independent_seconds) = sums["sobol"], sums["independent"]

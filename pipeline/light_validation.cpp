@@ -207,7 +207,24 @@ Status check_light(const shading::Light& light, std::string_view where) {
   return {};
 }
 
+Status check_portal(const shading::Portal& portal, size_t infinite_count, std::string_view where) {
+  const Float3 n = cross(portal.edge1, portal.edge2);
+  if (!is_finite(portal.corner) || !std::isfinite(length_squared(portal.edge1)) ||
+      !std::isfinite(length_squared(portal.edge2)) || !(length_squared(n) > 0) || !std::isfinite(length_squared(n)))
+    return error("{}: is no rectangle that 32-bit floats can hold", where);
+  if (portal.light >= infinite_count)
+    return error("{}: belongs to infinite light {} of {}", where, portal.light, infinite_count);
+  return {};
+}
+
 Status validate_lights(const StoreTables& t, std::string_view where) {
+  const auto infinite =
+      static_cast<size_t>(std::count_if(t.lights.begin(), t.lights.end(), [](const shading::Light& l) {
+        return l.kind == shading::LightKind::infinite;
+      }));
+  if (t.portals.size() > 1) return damaged(where, section::kPortals, 1, "is one too many");
+  for (const shading::Portal& portal : t.portals)
+    SPILLWAY_TRY(check_portal(portal, infinite, fmt::format("{}: section '{}'", where, section::kPortals)));
   for (size_t i = 0; i < t.lights.size(); ++i) {
     SPILLWAY_TRY(check_light(t.lights[i], fmt::format("{}: section '{}', item {}", where, section::kLights, i)));
     if (i > 0 && light_rank(t.lights[i]) < light_rank(t.lights[i - 1]))

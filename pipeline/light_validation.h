@@ -11,6 +11,8 @@ namespace spillway::pipeline {
 
 // Finite numbers, a unit axis, a spot whose edges are in order. Also used while packing.
 Status check_light(const shading::Light& light, std::string_view where);
+// A rectangle, of one of so many infinite lights.
+Status check_portal(const shading::Portal& portal, size_t infinite_count, std::string_view where);
 
 // Lights, emitters and their distribution. Called on meshes that are valid.
 Status validate_lights(const StoreTables& tables, std::string_view where);

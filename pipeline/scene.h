@@ -226,6 +226,7 @@ inline constexpr const char* kLightNodes = "light_nodes";       // shading::Ligh
 inline constexpr const char* kLightRoots = "light_roots";       // uint32_t, by object
 inline constexpr const char* kEmitterLeaves = "emitter_leaves";    // uint32_t, by emitter
 inline constexpr const char* kInstanceLeaves = "instance_leaves";  // uint32_t, by instance
+inline constexpr const char* kPortals = "portals";                 // shading::Portal: none or one
 inline constexpr const char* kEnvironment = "environment";      // Rgb: the square image of an infinite light, row by row
 inline constexpr const char* kPages = "pages";                  // cache::PageLocation
 inline constexpr const char* kTreeNodes = "tree_nodes";         // cache::TraceNode

@@ -34,6 +34,7 @@ Result<StoreTables> read_tables(const cache::SectionReader& reader) {
   SPILLWAY_TRY(read_table(reader, section::kLightRoots, MemoryTag::lights, t.light_roots));
   SPILLWAY_TRY(read_table(reader, section::kEmitterLeaves, MemoryTag::lights, t.emitter_leaves));
   SPILLWAY_TRY(read_table(reader, section::kInstanceLeaves, MemoryTag::lights, t.instance_leaves));
+  SPILLWAY_TRY(read_table(reader, section::kPortals, MemoryTag::lights, t.portals));
   SPILLWAY_TRY(read_table(reader, section::kEnvironment, MemoryTag::lights, t.environment));
   SPILLWAY_TRY(read_table(reader, section::kPages, MemoryTag::scene, t.pages));
   SPILLWAY_TRY(read_table(reader, section::kTreeNodes, MemoryTag::page_tree, t.tree_nodes));
@@ -113,6 +114,7 @@ shading::LightTable Store::light_table() const {
   table.first_infinite = static_cast<uint32_t>(first_infinite - tables_.lights.begin());
   table.environment = {static_cast<uint32_t>(environment_size(tables_.environment.size())), tables_.environment,
                        environment_row_cdf_, environment_texel_cdf_};
+  table.portals = tables_.portals;
   table.tree = light_tree();
   return table;
 }

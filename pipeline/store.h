@@ -37,6 +37,7 @@ struct StoreTables {
   Buffer<shading::Emission> emissions;
   Buffer<shading::LightNode> light_nodes;
   Buffer<uint32_t> light_roots, emitter_leaves, instance_leaves;
+  Buffer<shading::Portal> portals;
   Buffer<Rgb> environment;
   Buffer<cache::PageLocation> pages;
   Buffer<cache::TraceNode> tree_nodes;

@@ -81,13 +81,35 @@ Float3 direction_of_image(const LightTable& table, const Light& light, Float2 u)
   return normalize(light.position * w.x + light.edge1 * w.y + light.edge2 * w.z);
 }
 
+// Of infinite light `i` of the table; null: it is seen all around.
+const Portal* portal_of(const LightTable& table, size_t i) {
+  const bool has = !table.portals.empty() && table.portals[0].light == i - table.first_infinite;
+  return has ? &table.portals[0] : nullptr;
+}
+
+Float3 direction_of_infinite(const LightTable& table, size_t i, Float3 from, Float2 u) {
+  const Light& light = table.lights[i];
+  if (const Portal* portal = portal_of(table, i)) {  // half of the samples go through it, half by the light alone
+    if (u.x < 0.5f) return sample_portal(*portal, from, {2 * u.x, u.y});
+    u.x = 2 * u.x - 1;
+  }
+  return light.has_image ? direction_of_image(table, light, u) : uniform_direction(u);
+}
+
+float pdf_of_infinite(const LightTable& table, size_t i, Float3 from, Float3 w) {
+  const Light& light = table.lights[i];
+  const float pdf = light.has_image ? environment_pdf(table.environment, to_light_frame(light, w)) : 0.25f / kPi;
+  const Portal* portal = portal_of(table, i);
+  return portal == nullptr ? pdf : 0.5f * pdf + 0.5f * portal_pdf_solid_angle(*portal, from, w);
+}
+
 // A direction from one of them, weighed by all.
-LightSample sample_infinite(const LightTable& table, const Light& light, Float2 u) {
+LightSample sample_infinite(const LightTable& table, size_t i, Float3 from, Float2 u) {
   LightSample sample;
   sample.distance = INFINITY;
-  sample.w_next_world = light.has_image ? direction_of_image(table, light, u) : uniform_direction(u);
-  sample.radiance = infinite_radiance(table, sample.w_next_world);
-  sample.pdf_solid_angle = infinite_pdf_solid_angle(table, sample.w_next_world);
+  sample.w_next_world = direction_of_infinite(table, i, from, u);
+  sample.radiance = infinite_radiance(table, from, sample.w_next_world);
+  sample.pdf_solid_angle = infinite_pdf_solid_angle(table, from, sample.w_next_world);
   return sample;
 }
 
@@ -140,7 +162,7 @@ LightSample sample_light(const LightTable& table, const LightReceiver& receiver,
     case LightKind::distant:
       return sample_distant(light, pick.pmf);
     case LightKind::infinite:
-      return sample_infinite(table, light, u);
+      return sample_infinite(table, pick.index, receiver.position_world, u);
   }
   return {};
 }
@@ -169,23 +191,22 @@ float emitter_pdf_solid_angle(const LightTable& table, const LightReceiver& rece
 
 bool has_infinite_light(const LightTable& table) { return table.first_infinite < table.lights.size(); }
 
-Rgb infinite_radiance(const LightTable& table, Float3 w_world) {
+Rgb infinite_radiance(const LightTable& table, Float3 from_world, Float3 w_world) {
   Rgb sum{0, 0, 0};
   for (size_t i = table.first_infinite; i < table.lights.size(); ++i) {
     const Light& light = table.lights[i];
+    const Portal* portal = portal_of(table, i);
+    if (portal != nullptr && !looks_through(*portal, from_world, w_world)) continue;
     sum += light.has_image ? light.radiance * environment_radiance(table.environment, to_light_frame(light, w_world))
                            : light.radiance;
   }
   return sum;
 }
 
-float infinite_pdf_solid_angle(const LightTable& table, Float3 w_world) {
+float infinite_pdf_solid_angle(const LightTable& table, Float3 from_world, Float3 w_world) {
   float sum = 0;
-  for (uint32_t i = table.first_infinite; i < table.lights.size(); ++i) {
-    const Light& light = table.lights[i];
-    sum += pmf(table, first_light(table) + i) *
-           (light.has_image ? environment_pdf(table.environment, to_light_frame(light, w_world)) : 0.25f / kPi);
-  }
+  for (size_t i = table.first_infinite; i < table.lights.size(); ++i)
+    sum += pmf(table, first_light(table) + i) * pdf_of_infinite(table, i, from_world, w_world);
   return sum;
 }
 

@@ -8,6 +8,7 @@
 #include "cache/base/vec.h"
 #include "shading/environment.h"
 #include "shading/light_tree.h"
+#include "shading/portal.h"
 #include "shading/sample_triangle.h"
 
 namespace spillway::shading {
@@ -50,6 +51,7 @@ struct LightTable {
   float scene_radius_world = 1;
   uint32_t first_infinite = 0;   // infinite lights are the last of the table
   EnvironmentMap environment{};  // of the one that has an image
+  std::span<const Portal> portals{};  // none, or the one of the scene
   LightTree tree{};              // empty: emitters are choices of their own
   [[nodiscard]] bool empty() const { return emitters.empty() && lights.empty(); }
 };
@@ -80,9 +82,9 @@ struct LightSample {
                                             uint32_t emitter, const TriangleShape& shape_world, Float3 point_world);
 
 [[nodiscard]] bool has_infinite_light(const LightTable& table);
-// Sum over the infinite lights.
-[[nodiscard]] Rgb infinite_radiance(const LightTable& table, Float3 w_world);
-[[nodiscard]] float infinite_pdf_solid_angle(const LightTable& table, Float3 w_world);
+// Sum over the infinite lights, as seen from a place: a portal hides what is beside it.
+[[nodiscard]] Rgb infinite_radiance(const LightTable& table, Float3 from_world, Float3 w_world);
+[[nodiscard]] float infinite_pdf_solid_angle(const LightTable& table, Float3 from_world, Float3 w_world);
 
 // Veach's power heuristic, exponent 2, for one sample of each strategy.
 [[nodiscard]] inline float power_heuristic(float pdf, float other_pdf) {

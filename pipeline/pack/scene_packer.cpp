@@ -197,6 +197,17 @@ Result<MaterialId> ScenePacker::interface_material() {
   return interface_material_;
 }
 
+Status ScenePacker::add_portal(const shading::Portal& portal) {
+  SPILLWAY_TRY(state_);
+  const auto infinite = static_cast<uint32_t>(std::count_if(
+      lights_.begin(), lights_.end(), [](const shading::Light& l) { return l.kind == shading::LightKind::infinite; }));
+  if (infinite == 0 || !portals_.empty())
+    return failed(error("a portal needs an infinite light before it, and is the only one of the scene"));
+  portals_.push_back(portal);
+  portals_.back().light = infinite - 1;
+  return failed(check_portal(portals_.back(), infinite, "portal"));
+}
+
 uint32_t ScenePacker::begin_object(std::string name) {
   object_names_.push_back(std::move(name));
   return scene_.object_count++;
@@ -571,6 +582,7 @@ Status ScenePacker::write_manifest(const Packed& packed) {
   add(section::kLightRoots, packed.lights.trees.roots);
   add(section::kEmitterLeaves, packed.lights.trees.emitter_leaves);
   add(section::kInstanceLeaves, packed.lights.trees.instance_leaves);
+  add(section::kPortals, portals_);
   add(section::kEnvironment, packed.environment);
   add(section::kPages, packed.pages.pages);
   add(section::kTreeNodes, packed.tree.nodes);

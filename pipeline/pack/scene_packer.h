@@ -61,6 +61,7 @@ class ScenePacker final : public SceneSink {
   Result<uint32_t> add_volume(const VolumeInput& volume) override;
   Result<uint32_t> add_medium(const MediumInput& medium) override;
   void set_black_bodies(std::span<const Rgb> table) override { media_.set_black_bodies(table); }
+  Status add_portal(const shading::Portal& portal) override;
   uint32_t begin_object(std::string name) override;
   Status add_mesh(const MeshInput& mesh) override;
   Status add_subdivision(const SubdivisionInput& subdivision) override;
@@ -125,6 +126,7 @@ class ScenePacker final : public SceneSink {
   SaidMedia media_;
   MaterialId interface_material_;  // of meshes that only divide media
   std::vector<shading::Light> lights_;
+  std::vector<shading::Portal> portals_;
   ImageId environment_image_;
   std::vector<cache::Instance> instances_;
   std::vector<Motion> motions_;

@@ -100,6 +100,8 @@ class SceneSink {
   virtual Result<uint32_t> add_volume(const VolumeInput& volume);
   virtual Result<uint32_t> add_medium(const MediumInput& medium);
   virtual void set_black_bodies(std::span<const Rgb> /*table*/) {}  // kBlackBodyEntries; where a medium has a temperature
+  // Of the infinite light that was added last, whatever it says of the light itself; one a scene.
+  virtual Status add_portal(const shading::Portal& portal) = 0;
   virtual uint32_t begin_object(std::string name) = 0;        // a prototype; its meshes name it
   virtual Status add_mesh(const MeshInput& mesh) = 0;
   virtual Status add_subdivision(const SubdivisionInput& subdivision);

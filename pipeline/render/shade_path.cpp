@@ -256,11 +256,11 @@ void set_media(const Mesh& mesh, uint32_t medium_of_ray, ShadingPoint& point) {
 }
 
 SplatRecord escaped_splat(const PathSettings& settings, const PathRecord& path, Float3 direction_world) {
-  const Rgb radiance = shading::infinite_radiance(settings.lights, direction_world);
+  const Rgb radiance = shading::infinite_radiance(settings.lights, path.position_previous, direction_world);
   float weight = 1;
   if (path.pdf_previous > 0)
-    weight = shading::power_heuristic(path.pdf_previous,
-                                      shading::infinite_pdf_solid_angle(settings.lights, direction_world));
+    weight = shading::power_heuristic(
+        path.pdf_previous, shading::infinite_pdf_solid_angle(settings.lights, path.position_previous, direction_world));
   return {path.sink, path.sample, emission_event(path.bounce), path.throughput * radiance * weight};
 }
 

@@ -123,8 +123,8 @@ inline bool names_its_place(std::string_view message, std::string_view folder) {
   message.remove_prefix(folder.size());
   for (const char* whole : {"no WorldBegin", "gzip"})
     if (message.find(whole) != std::string_view::npos) return true;
-  for (size_t at = message.find(".pbrt:"); at != std::string_view::npos; at = message.find(".pbrt:", at + 1)) {
-    if (at + 6 < message.size() && std::isdigit(static_cast<unsigned char>(message[at + 6])) != 0) return true;
+  for (size_t at = message.find(':'); at != std::string_view::npos; at = message.find(':', at + 1)) {
+    if (at + 1 < message.size() && std::isdigit(static_cast<unsigned char>(message[at + 1])) != 0) return true;
   }
   return false;
 }

@@ -132,15 +132,15 @@ TEST(Environment, an_image_in_the_light_table_is_turned_and_weighed) {
   const std::vector<float> cdf{0, 0.25f, 1};
   LightTable table;
   table.lights = lights, table.cdf = cdf, table.first_infinite = 0, table.environment = test.map;
-  EXPECT_EQ(infinite_radiance(table, {1, 0, 0}).r, 0.1f + 2 * environment_radiance(test.map, {0, 0, 1}).r);
+  EXPECT_EQ(infinite_radiance(table, {0, 0, 0}, {1, 0, 0}).r, 0.1f + 2 * environment_radiance(test.map, {0, 0, 1}).r);
   Uniform u;
   double sum = 0;
   constexpr int kSamples = 400000;
   for (int i = 0; i < kSamples; ++i) {
     const float select = u();
     const LightSample s = sample_light(table, {{0, 0, 0}}, {select, 0}, {u(), u()});
-    ASSERT_EQ(s.pdf_solid_angle, infinite_pdf_solid_angle(table, s.w_next_world));
-    ASSERT_EQ(s.radiance.g, infinite_radiance(table, s.w_next_world).g);
+    ASSERT_EQ(s.pdf_solid_angle, infinite_pdf_solid_angle(table, {0, 0, 0}, s.w_next_world));
+    ASSERT_EQ(s.radiance.g, infinite_radiance(table, {0, 0, 0}, s.w_next_world).g);
     ASSERT_NEAR(length(s.w_next_world), 1, 1e-5);
     sum += s.radiance.g / s.pdf_solid_angle;
   }

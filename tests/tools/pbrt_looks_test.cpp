@@ -106,9 +106,20 @@ TEST(pbrt, an_infinite_light_may_have_an_image_in_its_own_frame) {
   EXPECT_LT(length(Float3{light.position.x, light.edge1.x, light.edge2.x} - Float3{0, -1, 0}), 1e-6f);
   EXPECT_EQ(imported.sink.environments.size(), 1u);
   EXPECT_EQ(imported.sink.images.at(0).second, cache::TexelEncoding::linear);
-  EXPECT_TRUE(has_warning(imported, "portals are not used"));
   EXPECT_TRUE(starts_with(import_world("Scale 1 2 1 LightSource \"infinite\" \"string filename\" \"sky.exr\"").error,
                           "scene.pbrt:2:"));
+}
+
+TEST(pbrt, a_portal_is_where_the_world_has_it) {
+  const Imported imported =
+      import_world("Translate 5 5 5 LightSource \"infinite\" \"point3 portal\" [0 0 1 0 3 1 2 3 1 2 0 1]");
+  ASSERT_EQ(imported.error, "");
+  ASSERT_EQ(imported.sink.portals.size(), 1u);
+  const shading::Portal& portal = imported.sink.portals[0];
+  expect_near(portal.corner, {0, 0, 1});
+  expect_near(portal.edge1, {2, 0, 0});
+  expect_near(portal.edge2, {0, 3, 0});
+  EXPECT_EQ(imported.report.warning_count, 0u);
 }
 
 TEST(pbrt, checkerboards_and_bilerps_have_pbrts_defaults) {

@@ -36,6 +36,7 @@ class RecordingSink : public pipeline::SceneSink {
   std::vector<std::string> material_names;
   std::vector<shading::Light> lights;
   std::vector<ImageId> environments;
+  std::vector<shading::Portal> portals;
   std::vector<std::string> objects;
   std::vector<RecordedMesh> meshes;
   std::vector<RecordedCage> cages;
@@ -95,6 +96,11 @@ class RecordingSink : public pipeline::SceneSink {
     return static_cast<uint32_t>(media.size() - 1);
   }
   void set_black_bodies(std::span<const Rgb> table) override { black_bodies.assign(table.begin(), table.end()); }
+  Status add_portal(const shading::Portal& portal) override {
+    if (lights.empty() || lights.back().kind != shading::LightKind::infinite) contract = "portal without its light";
+    portals.push_back(portal);
+    return {};
+  }
   uint32_t begin_object(std::string name) override {
     objects.push_back(std::move(name));
     return static_cast<uint32_t>(objects.size());

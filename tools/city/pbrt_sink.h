@@ -29,6 +29,7 @@ class PbrtSink final : public pipeline::SceneSink {
   Result<MaterialId> add_material(const pipeline::Material& material, std::string name) override;
   Status add_light(const shading::Light& light) override;
   Status add_environment(const shading::Light& light, ImageId image) override;
+  Status add_portal(const shading::Portal&) override { return error("portals are not written as pbrt text"); }
   uint32_t begin_object(std::string name) override;
   Status add_mesh(const pipeline::MeshInput& mesh) override;
   Status add_subdivision(const pipeline::SubdivisionInput& subdivision) override;

@@ -118,8 +118,6 @@ Status read_environment(Session& session, const ParamList& params, const Paramet
     return error_at(place, "the transform of an infinite light with an image must keep angles");
   if (const Parameter* illuminance = params.find(ParamType::real, "illuminance"))
     return error_at(illuminance->place, "\"illuminance\" of an image is not supported: use \"scale\"");
-  if (const Parameter* portal = params.find(ParamType::point3, "portal"))
-    session.warn(portal->place, "portals are not used: light comes from the whole image, with more noise");
   const Transform light_from_world = world_from_light.inverse();
   Float3* const axes[3] = {&light.position, &light.edge1, &light.edge2};
   for (int row = 0; row < 3; ++row) {
@@ -140,6 +138,20 @@ Status read_infinite(Session& session, const ParamList& params, Place place, con
   SPILLWAY_ASSIGN(const float illuminance, params.real("illuminance", -1));
   if (illuminance > 0) light.radiance = light.radiance * (illuminance / kPi);  // of a hemisphere of radiance 1
   return {};
+}
+
+// Four corners in world space, whatever the light's transform, as in pbrt.
+Result<shading::Portal> read_portal(const Parameter& given) {
+  SPILLWAY_TRY(expect_count(given, given.numbers.size(), 12));
+  Float3 p[4];
+  for (size_t i = 0; i < 12; ++i) p[i / 3][static_cast<int>(i % 3)] = given.numbers[i];
+  const Float3 across = p[3] - p[0], up = p[1] - p[0], rest = p[2] - p[0] - across - up;
+  constexpr float kTolerance = 1e-3f;  // pbrt's, of the sides' directions
+  const float sides = length(across) * length(up);
+  const bool is_rectangle = sides > 0 && std::isfinite(sides) && std::fabs(dot(across, up)) <= kTolerance * sides &&
+                            length(rest) <= kTolerance * std::max(length(across), length(up));
+  if (!is_rectangle) return error_at(given.place, "\"portal\" takes the four corners of a rectangle, in turn");
+  return shading::Portal{p[0], across, up, 0};
 }
 
 Status send(Session& session, const ParamList& params, const Light& light) {
@@ -187,11 +199,16 @@ Status add_light(Session& session, const std::string& type, const ParamList& par
     return session.ignorable(place, "light \"{}\" is not known: use infinite, distant, point or spot", type);
   SPILLWAY_ASSIGN(const float scale, read_scale(params));
   light.radiance = light.radiance * scale;
+  const Parameter* portal = light.kind == LightKind::infinite ? params.find(ParamType::point3, "portal") : nullptr;
   SPILLWAY_TRY(params.check_all_used(session, fmt::format("LightSource \"{}\"", type)));
   const bool finite = is_finite(light.radiance) && is_finite(light.position) && is_finite(light.edge1) && is_finite(light.edge2);
   if (!finite) return error_at(place, "light \"{}\" is not finite", type);
   if (const Status added = send(session, params, light); !added) return error_at(place, "{}", added.error().message);
   ++session.report.light_count;
+  if (portal == nullptr) return {};
+  SPILLWAY_ASSIGN(const shading::Portal rectangle, read_portal(*portal));
+  if (const Status added = session.sink.add_portal(rectangle); !added)
+    return error_at(portal->place, "{}", added.error().message);
   return {};
 }
 
