@@ -37,6 +37,7 @@ Result<StoreTables> read_tables(const cache::SectionReader& reader) {
   SPILLWAY_TRY(read_table(reader, section::kCameraPath, MemoryTag::scene, t.camera_path));
   SPILLWAY_TRY(read_table(reader, section::kContent, MemoryTag::scene, t.content));
   SPILLWAY_TRY(read_table(reader, section::kSources, MemoryTag::scene, t.sources));
+  if (reader.has(section::kDicing)) SPILLWAY_TRY(read_table(reader, section::kDicing, MemoryTag::scene, t.dicing));
   return t;
 }
 

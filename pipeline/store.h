@@ -43,6 +43,7 @@ struct StoreTables {
   Buffer<FrameCamera> camera_path;
   Buffer<ContentChecksums> content;  // one
   Buffer<char> sources;
+  Buffer<DicingRecord> dicing;  // one, or none
 };
 
 // The sphere around the scene's box by which distant and infinite lights are measured; radius 1 for an empty scene.
@@ -77,6 +78,9 @@ class Store {
   // Views into this store, which must outlive them.
   [[nodiscard]] cache::PageTree page_tree() const;
   [[nodiscard]] shading::LightTable light_table() const;
+
+  // Null when the scene has no subdivision surfaces.
+  [[nodiscard]] const DicingRecord* dicing() const { return tables_.dicing.empty() ? nullptr : tables_.dicing.data(); }
 
   // prim must be one of the scene's.
   [[nodiscard]] MeshId mesh_of(PrimId prim) const;

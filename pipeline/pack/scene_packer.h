@@ -19,6 +19,7 @@
 #include <vector>
 
 #include "cache/attribute_block.h"
+#include "cache/base/memory.h"
 #include "cache/file.h"
 #include "cache/trace_page.h"
 #include "pipeline/pack/build_trees.h"
@@ -77,7 +78,8 @@ class ScenePacker final : public SceneSink {
   Status failed(Status status);
   Status check_mesh(const MeshInput& mesh) const;
   Status write_store();
-  Status dice_cages();
+  Status check_displacement(const SubdivisionInput& subdivision) const;
+  Status dice_cages(const Packed& packed);
   Status number_meshes();
   void keep_instances_of_triangles();
   [[nodiscard]] uint64_t table_bytes() const;
@@ -99,6 +101,8 @@ class ScenePacker final : public SceneSink {
   std::unique_ptr<MeshSpool> spool_;
   SpooledScene scene_;
   std::vector<SubdivisionCage> cages_;
+  uint64_t cage_bytes_ = 0;
+  MemoryClaim cages_claim_;  // of cage_bytes_
   SceneSettings settings_;
   std::vector<FrameCamera> camera_path_;
   std::vector<ImageSource> images_;
