@@ -38,4 +38,9 @@ Float3 ray_origin(Float3 p, Float3 normal_geometric, Float3 direction, float sce
   return moved;
 }
 
+bool mirrors(const Affine3& transform) {
+  const auto& m = transform.m;
+  return dot(cross({m[0][0], m[0][1], m[0][2]}, {m[1][0], m[1][1], m[1][2]}), {m[2][0], m[2][1], m[2][2]}) < 0;
+}
+
 }  // namespace spillway::shading

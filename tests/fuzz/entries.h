@@ -139,7 +139,6 @@ inline std::string fault_of_pbrt(std::string_view bytes) {
   ImportOptions options;
   options.lenient = text.starts_with("#lenient");
   options.most_diced_bytes = 4 << 20;
-  options.most_instanced_emitters = 100000;
   const Status status = import_pbrt(scene, sink, options, report);
   if (!sink.contract.empty()) return sink.contract;
   if (!status && !names_its_place(status.error().message, fuzz_folder().path().string()))

@@ -39,7 +39,7 @@ struct ReadShape {
 [[nodiscard]] bool is_supported_shape(const std::string& type);
 Result<ReadShape> read_shape(Session& session, TextureTable& textures, const std::string& type, const ParamList& params,
                              Place place, const ShapeState& state);
-// Moves it, and sends it to the sink. Only shapes of the world may emit.
+// Moves it, and sends it to the sink.
 Status send_shape(Session& session, ReadShape shape);
 
 // What send_shape does to a mesh, by itself: moves it, and makes its geometric side and its normals agree.
