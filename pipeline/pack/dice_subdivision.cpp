@@ -61,10 +61,19 @@ class InstanceGroups {
       const cache::Instance& instance = diced_.instances[i];
       const Bounds3& box = boxes_[instance.object];
       if (box.empty()) continue;
-      details_[i] = detail_of_instance(view_, box, instance.world_from_object);
+      details_[i] = detail_of(instance, box);
       variants_[instance.object].try_emplace(details_[i], 0);
     }
     for (uint32_t object = 1; object < variants_.size(); ++object) number_variants(object);
+  }
+
+  // What moves is looked at where its way begins, in the middle, and where it ends.
+  [[nodiscard]] int detail_of(const cache::Instance& instance, const Bounds3& box) const {
+    int detail = detail_of_instance(view_, box, instance.world_from_object);
+    if (instance.motion == 0) return detail;
+    for (const float time : {0.5f, 1.0f})
+      detail = std::max(detail, detail_of_instance(view_, box, transform_at(diced_.motions[instance.motion - 1], time)));
+    return detail;
   }
 
   // The first detail stays in the object itself, unless its triangles serve other details too.

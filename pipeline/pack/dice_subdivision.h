@@ -15,6 +15,7 @@
 #include <string>
 #include <vector>
 
+#include "cache/base/motion.h"
 #include "cache/trace_page.h"
 #include "pipeline/pack/dice_rates.h"
 #include "pipeline/pack/displacement.h"
@@ -27,6 +28,7 @@ namespace spillway::pipeline {
 struct DicedScene {
   std::span<const SubdivisionCage> cages;
   std::vector<cache::Instance>& instances;  // 0 is the world's
+  std::span<const Motion> motions;          // of instances that move
   std::vector<std::string>& object_names;   // of object 1, 2, ...
   SpooledScene& scene;
   MeshSpool& spool;

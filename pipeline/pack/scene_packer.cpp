@@ -355,8 +355,13 @@ Status ScenePacker::dice_cages(const Packed& packed) {
   const PackStepTimer timer(report_, "dice");
   for (const FrameCamera& frame : camera_path_) options_.dice.cameras.push_back(frame.camera);
   if (options_.dice.cameras.empty()) options_.dice.cameras = {settings_.camera};
+  if (const uint32_t motion = settings_.camera.motion; motion != 0 && camera_path_.empty())
+    for (const float time : {0.5f, 1.0f}) {
+      options_.dice.cameras.push_back(settings_.camera);
+      options_.dice.cameras.back().world_from_camera = transform_at(motions_[motion - 1], time);
+    }
   const Displacement displacement(textures_, packed.images, packed.textures.get());
-  const DicedScene diced{cages_, instances_, object_names_, scene_, *spool_, degenerate_count_, displacement};
+  const DicedScene diced{cages_, instances_, motions_, object_names_, scene_, *spool_, degenerate_count_, displacement};
   SPILLWAY_ASSIGN(report_.dice, dice_subdivision(diced, options_.dice, options_.max_faces_per_attribute_block));
   cages_ = {}, cages_claim_ = {};
   return {};
