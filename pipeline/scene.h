@@ -202,6 +202,14 @@ struct ContentChecksums {
   uint64_t trace_pages = 0, attributes = 0;
 };
 
+// How the subdivision surfaces of the scene were diced.
+struct DicingRecord {
+  uint64_t cage_count;      // once for each level of detail
+  uint64_t triangle_count;
+  float edge_length_px;
+  uint32_t reserved;
+};
+
 // Files of a store (a directory).
 inline constexpr const char* kManifestFile = "manifest.spw";
 inline constexpr const char* kTracePagesFile = "pages.trace";
@@ -235,6 +243,7 @@ inline constexpr const char* kTreeObjects = "tree_objects";     // cache::PageOb
 inline constexpr const char* kInstances = "instances";          // cache::Instance
 inline constexpr const char* kMotions = "motions";              // Motion: of instances and the camera
 inline constexpr const char* kAttributes = "attributes";        // AttributeLocation
+inline constexpr const char* kDicing = "dicing";                // DicingRecord[1]; absent without cages
 inline constexpr const char* kCameraPath = "camera_path";       // FrameCamera, by ascending frame; may be empty
 inline constexpr const char* kContent = "content";              // ContentChecksums[1]
 inline constexpr const char* kMedia = "media";                  // Medium

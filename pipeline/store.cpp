@@ -52,6 +52,7 @@ Result<StoreTables> read_tables(const cache::SectionReader& reader) {
   SPILLWAY_TRY(read_table(reader, section::kVolumeCells, MemoryTag::scene, t.volume_cells));
   SPILLWAY_TRY(read_table(reader, section::kVolumeBricks, MemoryTag::scene, t.volume_bricks));
   SPILLWAY_TRY(read_table(reader, section::kSources, MemoryTag::scene, t.sources));
+  if (reader.has(section::kDicing)) SPILLWAY_TRY(read_table(reader, section::kDicing, MemoryTag::scene, t.dicing));
   return t;
 }
 

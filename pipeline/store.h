@@ -55,6 +55,7 @@ struct StoreTables {
   Buffer<float> volume_cells;
   Buffer<cache::VolumeBrickLocation> volume_bricks;
   Buffer<char> sources;
+  Buffer<DicingRecord> dicing;  // one, or none
 };
 
 [[nodiscard]] inline cache::VolumeTables volume_tables(const StoreTables& t) {
@@ -101,6 +102,8 @@ class Store {
   [[nodiscard]] MediumTables medium_tables() const {
     return {tables_.media, volume_tables(tables_), tables_.black_bodies};
   }
+  // Null when the scene has no subdivision surfaces.
+  [[nodiscard]] const DicingRecord* dicing() const { return tables_.dicing.empty() ? nullptr : tables_.dicing.data(); }
 
   // prim must be one of the scene's.
   [[nodiscard]] MeshId mesh_of(PrimId prim) const;

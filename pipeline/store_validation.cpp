@@ -442,6 +442,7 @@ Status validate_tables(const StoreTables& t, std::string_view where) {
   SPILLWAY_TRY(check_settings(t.settings[0], fmt::format("{}: section '{}'", where, section::kSettings)));
   SPILLWAY_TRY(check_camera_path(t.camera_path, t.settings[0], fmt::format("{}: section '{}'", where, section::kCameraPath)));
   if (t.content.size() != 1) return damaged(where, section::kContent, 0, "{} checksums of contents", t.content.size());
+  if (t.dicing.size() > 1) return damaged(where, section::kDicing, 1, "{} records of dicing", t.dicing.size());
   SPILLWAY_TRY(validate_images(t, where));
   TextureCosts texture_costs;
   for (size_t i = 0; i < t.textures.size(); ++i) {

@@ -34,6 +34,11 @@ std::filesystem::path store_directory(const OpenSceneOptions& options) {
   return access(folder.c_str(), W_OK) == 0 && has_write_bit(folder) ? store : store.filename();
 }
 
+// A store without diced surfaces is as good for any length; without a wish, any length is.
+bool is_diced_so(const Store& store, const OpenSceneOptions& options) {
+  return options.edge_length_px == 0 || store.dicing() == nullptr || store.dicing()->edge_length_px == options.edge_length_px;
+}
+
 void tell_warnings(const ImportReport& report, bool quiet) {
   if (quiet) return;
   for (const std::string& warning : report.warnings) fmt::print(stderr, "spillway: warning: {}\n", warning);
@@ -56,6 +61,7 @@ Result<pipeline::PackReport> pack_scene(const OpenSceneOptions& options) {
     SPILLWAY_ASSIGN(pack.memory_limit_bytes, pack_limit_bytes(options.memory_bytes));
   }
   if (options.edge_length_px > 0) pack.dice.edge_length_px = options.edge_length_px;
+  pack.dice.cache_directory = options.dice_cache;
   SPILLWAY_ASSIGN(auto packer, pipeline::ScenePacker::create(store_directory(options), pack));
   ImportReport report;
   const Status imported = import_pbrt(options.scene, *packer, {.lenient = options.lenient}, report);
@@ -72,7 +78,7 @@ Result<Store> open_scene(const OpenSceneOptions& options) {
   const std::filesystem::path directory = store_directory(options);
   if (!options.repack) {
     auto existing = Store::open(directory);
-    if (existing && existing->is_current(std::vector{options.scene})) return existing;
+    if (existing && existing->is_current(std::vector{options.scene}) && is_diced_so(*existing, options)) return existing;
   }
   SPILLWAY_ASSIGN([[maybe_unused]] const pipeline::PackReport report, pack_scene(options));
   return Store::open(directory);

@@ -257,14 +257,28 @@ Status ScenePacker::add_checked_mesh(const MeshInput& mesh, bool is_interface) {
   return {};
 }
 
+Status ScenePacker::check_displacement(const SubdivisionInput& subdivision) const {
+  const TextureId texture = subdivision.displacement;
+  const std::string& name = subdivision.cage.name;
+  if (!texture.valid()) return {};
+  if (texture.value >= textures_.size())
+    return error("{}: is displaced by texture {} of {}", name, texture.value, textures_.size());
+  if (subdivision.cage.uvs.empty() && reads_uvs(textures_, texture.value))
+    return error("{}: is displaced by a texture of uvs, and has none", name);
+  return {};
+}
+
 Status ScenePacker::add_subdivision(const SubdivisionInput& subdivision) {
   SPILLWAY_TRY(state_);
   SPILLWAY_TRY(failed(check_mesh(subdivision.cage)));
   if (!subdivision.cage.material.valid())
     return failed(error("{}: a subdivided cage without a material is not possible; give it one", subdivision.cage.name));
+  SPILLWAY_TRY(failed(check_displacement(subdivision)));
   auto cage = make_cage(subdivision);
   if (!cage) return failed(cage.error());
   cages_.push_back(std::move(*cage));
+  cage_bytes_ += cages_.back().size_bytes() + sizeof(SubdivisionCage);
+  cages_claim_ = MemoryClaim(MemoryTag::pack, cage_bytes_);
   return {};
 }
 
@@ -386,12 +400,21 @@ Status ScenePacker::check_emitters_stand_still() const {
   return {};
 }
 
-Status ScenePacker::dice_cages() {
+// Images come first: displacements look at them.
+Status ScenePacker::dice_cages(const Packed& packed) {
+  if (cages_.empty()) return {};
+  const PackStepTimer timer(report_, "dice");
   for (const FrameCamera& frame : camera_path_) options_.dice.cameras.push_back(frame.camera);
   if (options_.dice.cameras.empty()) options_.dice.cameras = {settings_.camera};
-  const DicedScene diced{cages_, instances_, motions_, object_names_, scene_, *spool_, degenerate_count_};
-  SPILLWAY_TRY(dice_subdivision(diced, options_.dice, options_.max_faces_per_attribute_block));
-  cages_ = {};
+  if (const uint32_t motion = settings_.camera.motion; motion != 0 && camera_path_.empty())
+    for (const float time : {0.5f, 1.0f}) {
+      options_.dice.cameras.push_back(settings_.camera);
+      options_.dice.cameras.back().world_from_camera = transform_at(motions_[motion - 1], time);
+    }
+  const Displacement displacement(textures_, packed.images, packed.textures.get());
+  const DicedScene diced{cages_, instances_, motions_, object_names_, scene_, *spool_, degenerate_count_, displacement};
+  SPILLWAY_ASSIGN(report_.dice, dice_subdivision(diced, options_.dice, options_.max_faces_per_attribute_block));
+  cages_ = {}, cages_claim_ = {};
   return {};
 }
 
@@ -422,15 +445,15 @@ Status ScenePacker::write_store() {
   if (code) return error("{}: cannot be removed: {}", (directory_ / kManifestFile).string(), code.message());
   remove_temporaries(directory_);
 
-  SPILLWAY_TRY(dice_cages());
+  SPILLWAY_TRY(write_images(packed));
+  SPILLWAY_TRY(open_images(packed));
+  SPILLWAY_TRY(dice_cages(packed));
   SPILLWAY_TRY(spool_->seal());
   SPILLWAY_TRY(number_meshes());
   keep_instances_of_triangles();
   SPILLWAY_TRY(check_emitters_stand_still());
   SPILLWAY_TRY(check_disk());
-  SPILLWAY_TRY(write_images(packed));
   SPILLWAY_TRY(write_attributes(packed));
-  SPILLWAY_TRY(open_images(packed));
   SPILLWAY_TRY(write_pages(packed));
   {
     const PackStepTimer timer(report_, "volumes");
@@ -595,6 +618,8 @@ Status ScenePacker::write_manifest(const Packed& packed) {
   writer.add(section::kContent, std::as_bytes(std::span(&packed.content, 1)));
   add(section::kNames, names);
   add(section::kSources, sources);
+  const DicingRecord dicing{report_.dice.cage_count, report_.dice.triangle_count, options_.dice.edge_length_px, 0};
+  if (dicing.cage_count > 0) writer.add(section::kDicing, std::as_bytes(std::span(&dicing, 1)));
   return writer.write(directory_ / kManifestFile);
 }
 

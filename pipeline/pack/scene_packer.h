@@ -19,6 +19,7 @@
 #include <vector>
 
 #include "cache/attribute_block.h"
+#include "cache/base/memory.h"
 #include "cache/file.h"
 #include "cache/trace_page.h"
 #include "pipeline/pack/build_trees.h"
@@ -90,7 +91,8 @@ class ScenePacker final : public SceneSink {
   Status check_object(uint32_t object) const;
   Status add_placed(uint32_t object, const Affine3& world_from_object, const Motion* motion);
   Status write_store();
-  Status dice_cages();
+  Status check_displacement(const SubdivisionInput& subdivision) const;
+  Status dice_cages(const Packed& packed);
   Status number_meshes();
   void keep_instances_of_triangles();
   Status check_emitters_stand_still() const;
@@ -115,6 +117,8 @@ class ScenePacker final : public SceneSink {
   std::unique_ptr<MeshSpool> spool_;
   SpooledScene scene_;
   std::vector<SubdivisionCage> cages_;
+  uint64_t cage_bytes_ = 0;
+  MemoryClaim cages_claim_;  // of cage_bytes_
   SceneSettings settings_;
   std::vector<FrameCamera> camera_path_;
   std::vector<ImageSource> images_;

@@ -84,6 +84,9 @@ struct SubdivisionInput {
   std::span<const uint32_t> holes;          // faces that shape the surface and are left out
   BoundaryRule boundary = BoundaryRule::edges_and_corners;
   UvRule uv_rule = UvRule::corners_plus1;
+  // Moves points along the normal by the texture's (first) value times the scale, in units of the object.
+  TextureId displacement;                   // none: not displaced
+  float displacement_scale = 1;
 };
 
 class SceneSink {

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "pipeline/pack/scene_sink.h"
+#include "pipeline/pack/subdivision_cage.h"
 #include "pipeline/store_validation.h"
 
 namespace spillway::tools {
@@ -127,6 +128,8 @@ class RecordingSink : public pipeline::SceneSink {
   Status add_subdivision(const pipeline::SubdivisionInput& s) override {
     if (s.cage.material.value >= materials.size()) contract = "cage before its material";
     if (s.cage.object > objects.size()) contract = "cage of no object";
+    if (s.displacement.valid() && s.displacement.value >= textures.size()) contract = "cage before its displacement";
+    if (const auto made = pipeline::make_cage(s); !made) return made.error();
     cages.push_back({s,
                      {s.cage.positions.begin(), s.cage.positions.end()},
                      {s.cage.uvs.begin(), s.cage.uvs.end()},
