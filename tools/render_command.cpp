@@ -32,7 +32,8 @@ struct RenderArguments {
   int max_depth = -1, light_selection = -1;
   uint64_t wave_paths = 0;
   double time_limit = 0;
-  bool has_seed = false, aovs = false, halves = false, direct = false, no_sort_rays = false, json = false;
+  bool has_seed = false, independent = false, aovs = false, halves = false, direct = false, no_sort_rays = false,
+       json = false;
 };
 
 Status set_bytes(const std::string& text, uint64_t& bytes) {
@@ -57,6 +58,7 @@ Status override_settings(const RenderArguments& arguments, SceneSettings& settin
   if (arguments.max_depth >= 0) settings.render.max_depth = static_cast<uint32_t>(arguments.max_depth);
   if (arguments.has_seed) settings.render.seed = arguments.seed;
   if (arguments.light_selection >= 0) settings.render.light_selection = static_cast<LightSelection>(arguments.light_selection);
+  if (arguments.independent) settings.render.sampler = shading::SamplerKind::independent;
   if (!arguments.resolution.empty()) {
     SPILLWAY_ASSIGN(const Resolution r, parse_resolution(arguments.resolution));
     set_resolution(settings, r);
@@ -209,6 +211,8 @@ void add_scene_options(CLI::App& command, OpenSceneOptions& scene, std::string& 
   command.add_option("scene", scene.scene, "a .pbrt scene (packed when needed) or a .store")->required();
   command.add_option("--store", scene.store_directory, "where to pack a .pbrt scene [beside it, or here]");
   command.add_option("--memory", memory, "limit of the whole process, such as 2GiB [none]");
+  command.add_option("--edge-length-px", scene.edge_length_px, "longest edge of diced surfaces on the picture, when packing [4]")
+      ->check(CLI::PositiveNumber);
   command.add_flag("--lenient", scene.lenient, "warn about what can be ignored instead of refusing");
   command.add_flag("--repack", scene.repack, "pack even when the store is current");
   command.add_flag("-q,--quiet", scene.quiet, "errors only");
@@ -219,6 +223,7 @@ void add_meaning(CLI::App& command, RenderArguments& a) {
   command.add_option("--max-depth", a.max_depth, "bounces [the scene's]")->check(CLI::Range(0, 10000));
   command.add_option("--resolution", a.resolution, "WIDTHxHEIGHT [the scene's]");
   command.add_option("--crop", a.crop, "x0,y0,x1,y1 in pixels; the same bits as in the full frame");
+  command.add_flag("--independent", a.independent, "independent samples, to measure the usual ones by: noisier");
   command.add_option_function<uint32_t>("--seed", [&a](uint32_t seed) { a.seed = seed, a.has_seed = true; },
                                         "another set of random numbers [the scene's]");
   static const std::map<std::string, int> kSelections = {

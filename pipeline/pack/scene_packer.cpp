@@ -5,6 +5,7 @@
 #include "cache/section_file.h"
 #include "pipeline/light_validation.h"
 #include "pipeline/pack/bake_micromap.h"
+#include "pipeline/pack/dice_subdivision.h"
 #include "pipeline/pack/pack_attributes.h"
 #include "pipeline/pack/pack_environment.h"
 #include "pipeline/pack/pack_image.h"
@@ -85,6 +86,7 @@ Result<std::unique_ptr<ScenePacker>> ScenePacker::create(const fs::path& store_d
       options.max_faces_per_attribute_block > cache::kMaxFacesPerAttributeBlock)
     return error("{} faces a block of attributes; 1 to {} are possible", options.max_faces_per_attribute_block,
                  cache::kMaxFacesPerAttributeBlock);
+  SPILLWAY_TRY(check_dice_options(options.dice));
   SPILLWAY_TRY(check_directory(store_directory));
   std::unique_ptr<ScenePacker> packer(new ScenePacker());
   packer->directory_ = store_directory;
@@ -199,6 +201,15 @@ Status ScenePacker::add_mesh(const MeshInput& mesh) {
   return {};
 }
 
+Status ScenePacker::add_subdivision(const SubdivisionInput& subdivision) {
+  SPILLWAY_TRY(state_);
+  SPILLWAY_TRY(failed(check_mesh(subdivision.cage)));
+  auto cage = make_cage(subdivision);
+  if (!cage) return failed(cage.error());
+  cages_.push_back(std::move(*cage));
+  return {};
+}
+
 Status ScenePacker::add_instance(uint32_t object, const Affine3& world_from_object) {
   SPILLWAY_TRY(state_);
   const std::string where = fmt::format("instance {}", instances_.size());
@@ -275,6 +286,15 @@ void ScenePacker::keep_instances_of_triangles() {
   emitting_instance_count_ = static_cast<size_t>(others - instances_.begin()) - 1;
 }
 
+Status ScenePacker::dice_cages() {
+  for (const FrameCamera& frame : camera_path_) options_.dice.cameras.push_back(frame.camera);
+  if (options_.dice.cameras.empty()) options_.dice.cameras = {settings_.camera};
+  const DicedScene diced{cages_, instances_, object_names_, scene_, *spool_, degenerate_count_};
+  SPILLWAY_TRY(dice_subdivision(diced, options_.dice, options_.max_faces_per_attribute_block));
+  cages_ = {};
+  return {};
+}
+
 // What the tables of the scene take while triangles are packed.
 uint64_t ScenePacker::table_bytes() const {
   uint64_t bytes = scene_.chunks.size() * (sizeof(PlacedChunk) + sizeof(MeshChunk) + sizeof(uint32_t)) +
@@ -302,6 +322,7 @@ Status ScenePacker::write_store() {
   if (code) return error("{}: cannot be removed: {}", (directory_ / kManifestFile).string(), code.message());
   remove_temporaries(directory_);
 
+  SPILLWAY_TRY(dice_cages());
   SPILLWAY_TRY(spool_->seal());
   SPILLWAY_TRY(number_meshes());
   keep_instances_of_triangles();

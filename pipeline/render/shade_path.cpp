@@ -102,8 +102,10 @@ bool emission_splat(const PathSettings& settings, const HitRecord& hit, const Sh
 }
 
 // A ray from the point to where the light was sampled, short of the light itself.
-cache::TraceRay shadow_ray(const ShadingPoint& point, const shading::LightSample& sample) {
-  const Float3 origin = shading::ray_origin(point.position, point.normal_geometric, sample.w_next_world);
+cache::TraceRay shadow_ray(const PathSettings& settings, const ShadingPoint& point,
+                           const shading::LightSample& sample) {
+  const Float3 origin = shading::ray_origin(point.position, point.normal_geometric, sample.w_next_world,
+                                            settings.lights.scene_radius_world);
   if (!std::isfinite(sample.distance)) return {origin, INFINITY, sample.w_next_world, 0};
   const Float3 to_light = sample.point_world - origin;
   // The light's own surface lies at 1, give or take the rounding of coordinates of this size.
@@ -134,7 +136,7 @@ void next_event(const PathSettings& settings, const HitRecord& hit, const Shadin
   const float weight = light.is_delta ? 1 : shading::power_heuristic(light.pdf_solid_angle, f.pdf_solid_angle);
   const Rgb contribution = hit.path.throughput * f.f_cos * light.radiance * (weight / light.pdf_solid_angle);
   if (is_black(contribution)) return;
-  out.shadow_ray = shadow_ray(point, light);
+  out.shadow_ray = shadow_ray(settings, point, light);
   if (!(out.shadow_ray.t_max > 0)) return;
   out.shadow = {hit.path.sink, hit.path.sample, hit.path.bounce, contribution};
   out.has_shadow = true;
@@ -172,7 +174,9 @@ void next_direction(const PathSettings& settings, const HitRecord& hit, const Sh
   // A broad lobe spreads the cone: half the angle whose solid angle is 1/pdf (Akenine-Moeller et al. 2021, section 4).
   if (!sample.is_delta) path.cone_spread = std::max(path.cone_spread, 0.5f / std::sqrt(std::max(1.0f, sample.pdf_solid_angle)));
   const Float3 w_next = frame.world_from_local(sample.w_next_local);
-  out.path_ray = {shading::ray_origin(point.position, point.normal_geometric, w_next), INFINITY, w_next, 0};
+  const Float3 origin =
+      shading::ray_origin(point.position, point.normal_geometric, w_next, settings.lights.scene_radius_world);
+  out.path_ray = {origin, INFINITY, w_next, 0};
   out.path = path;
   out.has_path = true;
 }
@@ -210,8 +214,9 @@ bool stopped_by_alpha(const HitRecord& hit, uint32_t seed, float alpha) {
                             hit.hit.prim, event) < alpha;
 }
 
-cache::TraceRay ray_beyond(const HitRecord& hit, const ShadingPoint& point) {
-  const Float3 origin = shading::ray_origin(point.position, point.normal_geometric, hit.direction_world);
+cache::TraceRay ray_beyond(const PathSettings& settings, const HitRecord& hit, const ShadingPoint& point) {
+  const Float3 origin = shading::ray_origin(point.position, point.normal_geometric, hit.direction_world,
+                                            settings.lights.scene_radius_world);
   return {origin, hit.t_max - hit.hit.t, hit.direction_world, 0};
 }
 

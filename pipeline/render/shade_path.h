@@ -75,7 +75,7 @@ struct ShadedVertex {
 [[nodiscard]] bool stopped_by_alpha(const HitRecord& hit, uint32_t seed, float alpha);
 
 // The same ray, going on behind the point it was let through.
-[[nodiscard]] cache::TraceRay ray_beyond(const HitRecord& hit, const ShadingPoint& point);
+[[nodiscard]] cache::TraceRay ray_beyond(const PathSettings& settings, const HitRecord& hit, const ShadingPoint& point);
 
 [[nodiscard]] inline shading::SampleKey sample_key(const PathRecord& path, uint32_t seed,
                                                    shading::SamplerKind sampler = shading::SamplerKind::sobol) {

@@ -80,7 +80,7 @@ class Walker {
       const HitRecord hit{found, ray.direction_world, ray.t_max, path, 0};
       SPILLWAY_TRY(resolve(hit));
       if (!query_.stopped) {
-        ray = ray_beyond(hit, point_);
+        ray = ray_beyond(s_.inputs.settings, hit, point_);
         path.cone_width = point_.width_world;
         continue;
       }
@@ -112,7 +112,7 @@ class Walker {
       hit.path.bounce = shadow.bounce, hit.path.throughput = shadow.contribution;
       SPILLWAY_TRY(resolve(hit));
       if (query_.stopped) return {};
-      ray = ray_beyond(hit, point_);
+      ray = ray_beyond(s_.inputs.settings, hit, point_);
     }
   }
 

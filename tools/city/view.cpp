@@ -131,7 +131,6 @@ shading::Light sun(TimeOfDay time) {
   shading::Light light{};
   light.kind = shading::LightKind::distant;
   light.edge1 = towards_sun(time) * -1.0f;
-  light.normal_sign = 1;
   switch (time) {
     case TimeOfDay::day: light.radiance = {3.3f, 2.95f, 2.45f}; break;
     case TimeOfDay::dusk: light.radiance = {0.85f, 0.36f, 0.13f}; break;

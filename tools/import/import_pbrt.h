@@ -31,6 +31,7 @@ struct ImportReport {
   std::vector<std::string> warnings;
   uint64_t warning_count = 0;
   uint64_t mesh_count = 0;
+  uint64_t cage_count = 0;  // of subdivision surfaces
   uint64_t triangle_count = 0;  // as read, degenerate ones included
   uint64_t object_count = 0;
   uint64_t instance_count = 0;

@@ -10,6 +10,7 @@
 #include "tools/import/params.h"
 #include "tools/import/ply.h"
 #include "tools/import/session.h"
+#include "tools/import/subdivision.h"
 #include "tools/import/textures.h"
 #include "tools/import/transform.h"
 
@@ -29,6 +30,7 @@ struct ReadShape {
   std::string type, name;
   Place place;
   PlyMesh mesh;
+  std::optional<ReadCage> cage;  // of a subdivmesh, whose faces are mesh.indices
   TextureId alpha;
   ShapeState state;
   [[nodiscard]] bool emits() const { return state.emission && !is_black(state.emission->radiance); }
