@@ -21,7 +21,7 @@ struct PathRecord {
   Rgb throughput;            // signed when the pixel filter is
   float cone_width;          // world units at the ray's origin
   float cone_spread;         // growth of the width per unit length
-  float eta_scale;           // product of squared relative indices, for Russian roulette
+  float eta_scale;           // product of squared relative indices over the exposure, for Russian roulette
   Float3 position_previous;  // receiver of the next-event estimation that competes with this ray, not offset
 };
 static_assert(sizeof(PathRecord) == 52);

@@ -6,6 +6,7 @@
 #include <string>
 
 #include "cache/base/ids.h"
+#include "cache/base/motion.h"
 #include "cache/base/vec.h"
 #include "cache/texture_cache.h"
 #include "shading/camera.h"
@@ -139,6 +140,8 @@ inline constexpr uint32_t kMaxEnvironmentSize = 8192;  // texels an edge
 
 // ---- what the scene says about the picture; the command line may override ----
 
+inline constexpr float kLeastExposure = 1e-30f, kMostExposure = 1e30f;  // whose inverses are numbers, too
+
 struct FilmSettings {
   uint32_t crop_x0 = 0, crop_y0 = 0, crop_x1 = 0, crop_y1 = 0;  // pixels, half open; all zero: everything
   float exposure_scale = 1;  // radiance to pixel value (pbrt: imaging ratio)
@@ -160,6 +163,11 @@ struct RenderSettings {
   LightSelection light_selection = LightSelection::tree;
 };
 
+// The times of the two keys of what moves, on the clock of the camera's shutter.
+struct MotionSettings {
+  float start_time = 0, end_time = 1;
+};
+
 struct SceneStatistics {
   uint64_t triangle_count = 0;           // unique, as stored
   uint64_t instanced_triangle_count = 0;  // as seen
@@ -173,6 +181,7 @@ struct SceneSettings {
   shading::Filter filter;
   FilmSettings film;
   RenderSettings render;
+  MotionSettings motion;
   SceneStatistics statistics;
 };
 
@@ -195,7 +204,7 @@ inline constexpr const char* kTracePagesFile = "pages.trace";
 inline constexpr const char* kAttributesFile = "attributes.blocks";
 inline constexpr const char* kTexturesDirectory = "textures";
 inline constexpr const char* kStoreKind = "SPWSTORE";
-inline constexpr uint32_t kStoreVersion = 4;
+inline constexpr uint32_t kStoreVersion = 8;
 
 // Section names of the manifest. Arrays of the struct named.
 namespace section {
@@ -218,6 +227,7 @@ inline constexpr const char* kTreeNodes = "tree_nodes";         // cache::TraceN
 inline constexpr const char* kTreeEntries = "tree_entries";     // cache::PageTreeEntry
 inline constexpr const char* kTreeObjects = "tree_objects";     // cache::PageObject
 inline constexpr const char* kInstances = "instances";          // cache::Instance
+inline constexpr const char* kMotions = "motions";              // Motion: of instances and the camera
 inline constexpr const char* kAttributes = "attributes";        // AttributeLocation
 inline constexpr const char* kCameraPath = "camera_path";       // FrameCamera, by ascending frame; may be empty
 inline constexpr const char* kContent = "content";              // ContentChecksums[1]

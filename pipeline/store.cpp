@@ -40,6 +40,7 @@ Result<StoreTables> read_tables(const cache::SectionReader& reader) {
   SPILLWAY_TRY(read_table(reader, section::kTreeEntries, MemoryTag::page_tree, t.tree_entries));
   SPILLWAY_TRY(read_table(reader, section::kTreeObjects, MemoryTag::page_tree, t.tree_objects));
   SPILLWAY_TRY(read_table(reader, section::kInstances, MemoryTag::page_tree, t.instances));
+  SPILLWAY_TRY(read_table(reader, section::kMotions, MemoryTag::page_tree, t.motions));
   SPILLWAY_TRY(read_table(reader, section::kAttributes, MemoryTag::scene, t.attributes));
   SPILLWAY_TRY(read_table(reader, section::kCameraPath, MemoryTag::scene, t.camera_path));
   SPILLWAY_TRY(read_table(reader, section::kContent, MemoryTag::scene, t.content));
@@ -90,6 +91,7 @@ cache::PageTree Store::page_tree() const {
   tree.entries = tables_.tree_entries;
   tree.objects = tables_.tree_objects;
   tree.instances = tables_.instances;
+  tree.motions = tables_.motions;
   tree.scene_extent_world = bounds.empty() ? 0 : std::max(max_abs(bounds.lower), max_abs(bounds.upper));
   return tree;
 }

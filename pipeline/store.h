@@ -43,6 +43,7 @@ struct StoreTables {
   Buffer<cache::PageTreeEntry> tree_entries;
   Buffer<cache::PageObject> tree_objects;
   Buffer<cache::Instance> instances;
+  Buffer<Motion> motions;
   Buffer<AttributeLocation> attributes;
   Buffer<FrameCamera> camera_path;
   Buffer<ContentChecksums> content;  // one
@@ -75,6 +76,7 @@ class Store {
   [[nodiscard]] std::span<const shading::Emission> emissions() const { return tables_.emissions; }
   [[nodiscard]] std::span<const cache::PageLocation> pages() const { return tables_.pages; }
   [[nodiscard]] std::span<const cache::Instance> instances() const { return tables_.instances; }
+  [[nodiscard]] std::span<const Motion> motions() const { return tables_.motions; }
   [[nodiscard]] std::span<const AttributeLocation> attributes() const { return tables_.attributes; }
   [[nodiscard]] std::span<const FrameCamera> camera_path() const { return tables_.camera_path; }
   // Of everything a picture can depend on besides settings and cameras: pages, attributes, images by their names, tables.

@@ -4,7 +4,9 @@
 #include <cstring>
 #include <vector>
 
+#include "pipeline/check_motion.h"
 #include "pipeline/light_validation.h"
+#include "pipeline/shutter.h"
 #include "shading/noise.h"
 
 namespace spillway::pipeline {
@@ -36,6 +38,8 @@ bool are_inverse(const Affine3& a, const Affine3& b) {
     }
   return true;
 }
+
+bool same(const Affine3& a, const Affine3& b) { return std::memcmp(&a, &b, sizeof a) == 0; }
 
 bool is_identity(const Affine3& t) {
   for (int i = 0; i < 3; ++i)
@@ -136,10 +140,24 @@ Status validate_instances(const StoreTables& t, std::string_view where) {
       return damaged(where, section::kInstances, i, "the transforms are not inverse to each other");
     if (instance.object >= t.tree_objects.size() || (instance.object == 0) != (i == 0))
       return damaged(where, section::kInstances, i, "object {}", instance.object);
+    if (instance.motion > (i == 0 ? 0 : t.motions.size()) ||
+        (instance.motion != 0 && !same(instance.world_from_object, t.motions[instance.motion - 1].key[0])))
+      return damaged(where, section::kInstances, i, "moves by motion {}, which is none of its own", instance.motion);
   }
   if (t.instances.empty() || !is_identity(t.instances[0].world_from_object) ||
       !is_identity(t.instances[0].object_from_world))
     return damaged(where, section::kInstances, 0, "is not the world");
+  return {};
+}
+
+Status validate_motions(const StoreTables& t, std::string_view where) {
+  for (size_t i = 0; i < t.motions.size(); ++i)
+    if (const Status valid = check_motion(t.motions[i]); !valid)
+      return damaged(where, section::kMotions, i, "what has it {}", valid.error().message);
+  const shading::Camera& camera = t.settings[0].camera;
+  if (camera.motion > t.motions.size() ||
+      (camera.motion != 0 && !same(camera.world_from_camera, t.motions[camera.motion - 1].key[0])))
+    return damaged(where, section::kSettings, 0, "the camera moves by motion {} of {}", camera.motion, t.motions.size());
   return {};
 }
 
@@ -202,6 +220,7 @@ Status validate_tree(const StoreTables& t, std::string_view where) {
   tree.entries = t.tree_entries;
   tree.objects = t.tree_objects;
   tree.instances = t.instances;
+  tree.motions = t.motions;
   SPILLWAY_TRY(cache::validate_page_tree(tree, t.pages.size(), where));
   for (size_t o = 0; o < t.tree_objects.size(); ++o) {
     const cache::PageObject& object = t.tree_objects[o];
@@ -264,12 +283,24 @@ Status check_camera(const shading::Camera& c, std::string_view where) {
   return {};
 }
 
+Status check_shutter(const shading::Camera& c, const MotionSettings& motion, std::string_view where) {
+  if (!(motion.end_time > motion.start_time))
+    return error("{}: the keys of motion at {} and {} are not in order", where, motion.start_time, motion.end_time);
+  const Shutter shutter = shutter_of(c, motion);
+  if (std::isfinite(shutter.open) && std::isfinite(shutter.close) && shutter.close >= shutter.open) return {};
+  return error("{}: a shutter from {} to {}, for motion from {} to {}", where, c.shutter_open, c.shutter_close,
+               motion.start_time, motion.end_time);
+}
+
 }  // namespace
 
 Status check_camera_path(std::span<const FrameCamera> path, const SceneSettings& settings, std::string_view where) {
   for (size_t i = 0; i < path.size(); ++i) {
     const FrameCamera& f = path[i];
-    SPILLWAY_TRY(check_camera(f.camera, fmt::format("{}: frame {}", where, f.frame)));
+    const std::string frame = fmt::format("{}: frame {}", where, f.frame);
+    SPILLWAY_TRY(check_camera(f.camera, frame));
+    SPILLWAY_TRY(check_shutter(f.camera, settings.motion, frame));
+    if (f.camera.motion != 0) return error("{}: its camera moves; those of a path stand still", frame);
     if (i > 0 && f.frame <= path[i - 1].frame)
       return error("{}: frame {} follows frame {}", where, f.frame, path[i - 1].frame);
     if (f.camera.resolution_x_px != settings.camera.resolution_x_px ||
@@ -283,6 +314,7 @@ Status check_camera_path(std::span<const FrameCamera> path, const SceneSettings&
 Status check_settings(const SceneSettings& settings, std::string_view where) {
   const shading::Camera& c = settings.camera;
   SPILLWAY_TRY(check_camera(c, where));
+  SPILLWAY_TRY(check_shutter(c, settings.motion, where));
   const shading::Filter& f = settings.filter;
   const float radii[] = {f.radius_px.x, f.radius_px.y};
   for (const float radius : radii)
@@ -296,7 +328,7 @@ Status check_settings(const SceneSettings& settings, std::string_view where) {
                    film.crop_y1 > c.resolution_y_px))
     return error("{}: the crop {}..{} x {}..{} does not lie in the picture", where, film.crop_x0, film.crop_x1,
                  film.crop_y0, film.crop_y1);
-  if (!std::isfinite(film.exposure_scale) || film.exposure_scale <= 0)
+  if (!(film.exposure_scale >= kLeastExposure && film.exposure_scale <= kMostExposure))
     return error("{}: an exposure scale of {}", where, film.exposure_scale);
   if (settings.render.sampler > shading::SamplerKind::independent)
     return error("{}: a sampler of no known kind", where);
@@ -384,6 +416,7 @@ Status validate_tables(const StoreTables& t, std::string_view where) {
   SPILLWAY_TRY(validate_environment(t, where));
   SPILLWAY_TRY(validate_pages(t, where));
   SPILLWAY_TRY(validate_attributes(t, where));
+  SPILLWAY_TRY(validate_motions(t, where));
   SPILLWAY_TRY(validate_instances(t, where));
   SPILLWAY_TRY(validate_tree(t, where));
   SPILLWAY_TRY(validate_light_trees(t, where));

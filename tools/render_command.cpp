@@ -34,6 +34,9 @@ struct RenderArguments {
   double time_limit = 0;
   bool has_seed = false, independent = false, aovs = false, halves = false, direct = false, no_sort_rays = false,
        json = false;
+  bool no_read_ahead = false, no_resident_first = false, no_top_up = false;
+  uint32_t hit_batch = 0;
+  std::string access_log;
 };
 
 Status set_bytes(const std::string& text, uint64_t& bytes) {
@@ -57,8 +60,8 @@ Status override_settings(const RenderArguments& arguments, SceneSettings& settin
   if (arguments.spp != 0) settings.render.samples_per_pixel = arguments.spp;
   if (arguments.max_depth >= 0) settings.render.max_depth = static_cast<uint32_t>(arguments.max_depth);
   if (arguments.has_seed) settings.render.seed = arguments.seed;
-  if (arguments.light_selection >= 0) settings.render.light_selection = static_cast<LightSelection>(arguments.light_selection);
   if (arguments.independent) settings.render.sampler = shading::SamplerKind::independent;
+  if (arguments.light_selection >= 0) settings.render.light_selection = static_cast<LightSelection>(arguments.light_selection);
   if (!arguments.resolution.empty()) {
     SPILLWAY_ASSIGN(const Resolution r, parse_resolution(arguments.resolution));
     set_resolution(settings, r);
@@ -87,6 +90,10 @@ Result<RenderOptions> render_options(const RenderArguments& arguments, const Sto
   options.plan.wave_paths = arguments.wave_paths;
   options.plan.spill = arguments.spill == "always" ? 1 : arguments.spill == "never" ? 0 : -1;
   options.sort_rays = !arguments.no_sort_rays;
+  options.hit_batch_rays = arguments.hit_batch;
+  options.read_ahead = !arguments.no_read_ahead;
+  options.resident_first = !arguments.no_resident_first;
+  options.top_up_waves = !arguments.no_top_up;
   options.direct_io = arguments.direct;
   options.scratch_directory = arguments.scratch;
   options.time_limit_seconds = arguments.time_limit;
@@ -174,11 +181,16 @@ Result<int> render(const RenderArguments& arguments) {
   std::signal(SIGTERM, request_stop);
   Progress progress(arguments.scene.quiet);
   options.on_progress = [&](const RenderProgress& p) { progress.show(p); };
+  AccessLog access_log;
+  if (!arguments.access_log.empty()) options.access_log = &access_log;
+  if (options.access_log && !arguments.frames.empty())
+    return error("--access-log is of one frame; leave --frames out");
   if (!arguments.frames.empty()) return render_all_frames(arguments, store, std::move(options));
   SPILLWAY_ASSIGN(const RenderedImage image, render_image(store, options));
   progress.end();
   SPILLWAY_TRY(write_picture(arguments, store, options, image, arguments.output));
   if (!arguments.trace.empty()) SPILLWAY_TRY(cache::trace_log_write(arguments.trace));
+  if (options.access_log) SPILLWAY_TRY(access_log.write(arguments.access_log));
   const std::string json = report_json(image.report, store.directory().string());
   if (!arguments.report.empty()) SPILLWAY_TRY(write_text(arguments.report, json));
   if (arguments.json) fmt::print("{}\n", json);
@@ -247,6 +259,10 @@ void add_performance(CLI::App& command, RenderArguments& a) {
   command.add_option("--spill", a.spill, "auto, always or never")->check(CLI::IsMember({"auto", "always", "never"}));
   command.add_flag("--direct-io", a.direct, "read pages and attributes past the page cache");
   command.add_flag("--no-sort-rays", a.no_sort_rays, "trace rays in the order they were made");
+  command.add_option("--hit-batch", a.hit_batch, "sort the hits of so many rays together [of the wave]");
+  command.add_flag("--no-read-ahead", a.no_read_ahead, "read a page when the sweep comes to it");
+  command.add_flag("--no-resident-first", a.no_resident_first, "sweep resident pages with the others");
+  command.add_flag("--no-top-up", a.no_top_up, "begin new paths when the last ones have ended");
 }
 
 }  // namespace
@@ -263,6 +279,7 @@ void add_render_command(CLI::App& app, int& exit_code) {
   add_performance(*command, a);
   command->add_option("--time-limit", a.time_limit, "seconds; stops at the next whole epoch, equal to --spp k");
   command->add_option("--report", a.report, "write what the render did as JSON");
+  command->add_option("--access-log", a.access_log, "write which pages each wave needed and read, for `whatif`");
   command->add_option("--trace", a.trace, "write stages, waves and reads in Chrome's trace format");
   command->add_flag("--json", a.json, "print the report as JSON");
   command->callback([arguments, &exit_code] { exit_code = run(*arguments); });

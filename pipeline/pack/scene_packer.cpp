@@ -6,6 +6,7 @@
 #include "pipeline/light_validation.h"
 #include "pipeline/pack/bake_micromap.h"
 #include "pipeline/pack/dice_subdivision.h"
+#include "pipeline/pack/make_motion.h"
 #include "pipeline/pack/pack_attributes.h"
 #include "pipeline/pack/pack_environment.h"
 #include "pipeline/pack/pack_image.h"
@@ -13,6 +14,7 @@
 #include "pipeline/pack/pack_page_tree.h"
 #include "pipeline/pack/pack_pages.h"
 #include "pipeline/pack/spool_mesh.h"
+#include "pipeline/shutter.h"
 #include "pipeline/source_files.h"
 #include "pipeline/store.h"
 #include "pipeline/store_validation.h"
@@ -191,6 +193,11 @@ Status ScenePacker::check_mesh(const MeshInput& mesh) const {
   return {};
 }
 
+Status ScenePacker::check_object(uint32_t object) const {
+  if (object != 0 && object < scene_.object_count) return {};
+  return error("instance {}: is of object {}, but there are 1 to {}", instances_.size(), object, scene_.object_count - 1);
+}
+
 Status ScenePacker::add_mesh(const MeshInput& mesh) {
   SPILLWAY_TRY(state_);
   SPILLWAY_TRY(failed(check_mesh(mesh)));
@@ -210,23 +217,48 @@ Status ScenePacker::add_subdivision(const SubdivisionInput& subdivision) {
   return {};
 }
 
-Status ScenePacker::add_instance(uint32_t object, const Affine3& world_from_object) {
-  SPILLWAY_TRY(state_);
-  const std::string where = fmt::format("instance {}", instances_.size());
-  if (object == 0 || object >= scene_.object_count)
-    return failed(error("{}: is of object {}, but there are 1 to {}", where, object, scene_.object_count - 1));
+Status ScenePacker::add_placed(uint32_t object, const Affine3& world_from_object, const Motion* motion) {
   cache::Instance instance{};
   instance.object = object;
   instance.world_from_object = world_from_object;
   if (!invert(world_from_object, instance.object_from_world))
-    return failed(error("{} (of '{}'): its transform has no finite inverse", where, object_names_[object - 1]));
+    return failed(error("instance {} (of '{}'): its transform has no finite inverse", instances_.size(),
+                        object_names_[object - 1]));
+  if (motion != nullptr) {
+    motions_.push_back(*motion);
+    instance.motion = static_cast<uint32_t>(motions_.size());
+  }
   instances_.push_back(instance);
   return {};
+}
+
+Status ScenePacker::add_instance(uint32_t object, const Affine3& world_from_object) {
+  SPILLWAY_TRY(state_);
+  SPILLWAY_TRY(failed(check_object(object)));
+  return add_placed(object, world_from_object, nullptr);
+}
+
+Status ScenePacker::add_moving_instance(uint32_t object, const Affine3& start, const Affine3& end) {
+  SPILLWAY_TRY(state_);
+  SPILLWAY_TRY(failed(check_object(object)));
+  const Result<Motion> motion = make_motion(start, end);
+  if (!motion)
+    return failed(error("instance {} (of '{}'): {}", instances_.size(), object_names_[object - 1], motion.error().message));
+  return add_placed(object, start, &*motion);
 }
 
 void ScenePacker::set_settings(const SceneSettings& settings) {
   settings_ = settings;
   has_settings_ = true;
+}
+
+Status ScenePacker::set_camera_end(const Affine3& world_from_camera) {
+  SPILLWAY_TRY(state_);
+  const Result<Motion> motion = make_motion(settings_.camera.world_from_camera, world_from_camera);
+  if (!motion) return failed(error("the camera: {}", motion.error().message));
+  motions_.push_back(*motion);
+  settings_.camera.motion = static_cast<uint32_t>(motions_.size());
+  return {};
 }
 
 void ScenePacker::set_camera_path(uint32_t first_frame, std::span<const shading::Camera> cameras) {
@@ -284,6 +316,23 @@ void ScenePacker::keep_instances_of_triangles() {
   const auto others = std::stable_partition(instances_.begin() + 1, instances_.end(),
                                             [&](const cache::Instance& i) { return emits[i.object]; });
   emitting_instance_count_ = static_cast<size_t>(others - instances_.begin()) - 1;
+  std::vector<Motion> motions;  // of those that are left, and of the camera
+  const auto keep = [&](uint32_t& motion) {
+    if (motion == 0) return;
+    motions.push_back(motions_[motion - 1]);
+    motion = static_cast<uint32_t>(motions.size());
+  };
+  keep(settings_.camera.motion);
+  for (cache::Instance& instance : instances_) keep(instance.motion);
+  motions_ = std::move(motions);
+}
+
+// Light trees know one place for each.
+Status ScenePacker::check_emitters_stand_still() const {
+  for (size_t i = 1; i <= emitting_instance_count_; ++i)
+    if (instances_[i].motion != 0)
+      return error("an instance of '{}' emits light and moves, which is not possible", object_names_[instances_[i].object - 1]);
+  return {};
 }
 
 Status ScenePacker::dice_cages() {
@@ -326,6 +375,7 @@ Status ScenePacker::write_store() {
   SPILLWAY_TRY(spool_->seal());
   SPILLWAY_TRY(number_meshes());
   keep_instances_of_triangles();
+  SPILLWAY_TRY(check_emitters_stand_still());
   SPILLWAY_TRY(check_disk());
   SPILLWAY_TRY(write_images(packed));
   SPILLWAY_TRY(write_attributes(packed));
@@ -374,6 +424,18 @@ Status ScenePacker::open_images(Packed& packed) const {
   return {};
 }
 
+// As long as any camera may look.
+MovingInstances ScenePacker::moving_instances() const {
+  const Shutter shutter = shutter_of(settings_);
+  MovingInstances moving{motions_, shutter.earliest(), shutter.latest()};
+  for (const FrameCamera& frame : camera_path_) {
+    const Shutter other = shutter_of(frame.camera, settings_.motion);
+    moving.first_time = std::min(moving.first_time, other.earliest());
+    moving.last_time = std::max(moving.last_time, other.latest());
+  }
+  return moving;
+}
+
 Status ScenePacker::write_pages(Packed& packed) {
   const uint64_t held = table_bytes() + (packed.textures ? options_.memory_limit_bytes / 8 : 0);
   const PackPagesOptions options{options_.max_triangles_per_page, options_.tree,
@@ -389,7 +451,8 @@ Status ScenePacker::write_pages(Packed& packed) {
     SPILLWAY_TRY(file.commit());
   }
   const PackStepTimer timer(report_, "page_tree");
-  packed.tree = pack_page_tree(packed.pages.bounds, packed.pages.pages, instances_, scene_.object_count, options_.tree);
+  packed.tree = pack_page_tree(packed.pages.bounds, packed.pages.pages, instances_, scene_.object_count,
+                               options_.tree, moving_instances());
   return {};
 }
 
@@ -422,7 +485,7 @@ std::string ScenePacker::name_lines() const {
 
 Status ScenePacker::write_manifest(const Packed& packed) {
   // No padding inside, whose bytes would be anything.
-  static_assert(sizeof(SceneSettings) == 216);
+  static_assert(sizeof(SceneSettings) == 224);
   settings_.statistics = statistics(packed);
   report_.triangle_count = scene_.prim_count, report_.instance_count = instances_.size() - 1;
   report_.mesh_count = scene_.meshes.size(), report_.attribute_block_count = packed.attributes.size();
@@ -453,6 +516,7 @@ Status ScenePacker::write_manifest(const Packed& packed) {
   add(section::kTreeEntries, packed.tree.entries);
   add(section::kTreeObjects, packed.tree.objects);
   add(section::kInstances, instances_);
+  add(section::kMotions, motions_);
   add(section::kAttributes, packed.attributes);
   add(section::kCameraPath, camera_path_);
   writer.add(section::kContent, std::as_bytes(std::span(&packed.content, 1)));

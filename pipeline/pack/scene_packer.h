@@ -25,6 +25,7 @@
 #include "pipeline/pack/dice_rates.h"
 #include "pipeline/pack/mesh_spool.h"
 #include "pipeline/pack/pack_images.h"
+#include "pipeline/pack/pack_page_tree.h"
 #include "pipeline/pack/pack_report.h"
 #include "pipeline/pack/scene_sink.h"
 #include "pipeline/pack/subdivision_cage.h"
@@ -59,7 +60,9 @@ class ScenePacker final : public SceneSink {
   Status add_mesh(const MeshInput& mesh) override;
   Status add_subdivision(const SubdivisionInput& subdivision) override;
   Status add_instance(uint32_t object, const Affine3& world_from_object) override;
+  Status add_moving_instance(uint32_t object, const Affine3& start, const Affine3& end) override;
   void set_settings(const SceneSettings& settings) override;
+  Status set_camera_end(const Affine3& world_from_camera) override;
   void set_camera_path(uint32_t first_frame, std::span<const shading::Camera> cameras) override;
   Status finish() override;
 
@@ -76,10 +79,14 @@ class ScenePacker final : public SceneSink {
   Result<T> fail(Error problem);
   Status failed(Status status);
   Status check_mesh(const MeshInput& mesh) const;
+  Status check_object(uint32_t object) const;
+  Status add_placed(uint32_t object, const Affine3& world_from_object, const Motion* motion);
   Status write_store();
   Status dice_cages();
   Status number_meshes();
   void keep_instances_of_triangles();
+  Status check_emitters_stand_still() const;
+  [[nodiscard]] MovingInstances moving_instances() const;
   [[nodiscard]] uint64_t table_bytes() const;
   Status check_disk() const;
   [[nodiscard]] double seconds_since_creation() const;
@@ -110,6 +117,7 @@ class ScenePacker final : public SceneSink {
   std::vector<shading::Light> lights_;
   ImageId environment_image_;
   std::vector<cache::Instance> instances_;
+  std::vector<Motion> motions_;
   size_t emitting_instance_count_ = 0;
   uint64_t degenerate_count_ = 0, dark_light_count_ = 0;
   PackReport report_;

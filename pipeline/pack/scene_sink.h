@@ -78,16 +78,31 @@ class SceneSink {
   virtual Status add_environment(const shading::Light& light, ImageId image) = 0;
   virtual uint32_t begin_object(std::string name) = 0;        // a prototype; its meshes name it
   virtual Status add_mesh(const MeshInput& mesh) = 0;
-  virtual Status add_subdivision(const SubdivisionInput& subdivision) = 0;
+  virtual Status add_subdivision(const SubdivisionInput& subdivision);
   virtual Status add_instance(uint32_t object, const Affine3& world_from_object) = 0;
+  // Moves from the first place to the second: between the times of MotionSettings.
+  virtual Status add_moving_instance(uint32_t object, const Affine3& start, const Affine3& end);
   virtual void set_settings(const SceneSettings& settings) = 0;  // camera, filter, film, render
+  // The camera moves from where the settings have it to here. After set_settings.
+  virtual Status set_camera_end(const Affine3& world_from_camera);
   // One camera a frame, from `first_frame` on, of the resolution of the settings' camera: what `render --frames` follows.
-  // Without a path there is one frame, of the settings' camera; sinks that have no use for one leave it.
+  // Without a path there is one frame, of the settings' camera. A path's cameras stand still
+  // while the shutter is open; sinks that have no use for one leave it.
   virtual void set_camera_path(uint32_t first_frame, std::span<const shading::Camera> cameras);
   // Everything said: pack, and commit the store. Nothing may follow.
   virtual Status finish() = 0;
 };
 
+// Sinks that have no use for these refuse them.
+inline Status SceneSink::add_subdivision(const SubdivisionInput& subdivision) {
+  return error("{}: subdivided cages are not possible here", subdivision.cage.name);
+}
+inline Status SceneSink::add_moving_instance(uint32_t object, const Affine3& /*start*/, const Affine3& /*end*/) {
+  return error("object {}: instances that move are not possible here", object);
+}
+inline Status SceneSink::set_camera_end(const Affine3& /*world_from_camera*/) {
+  return error("a camera that moves is not possible here");
+}
 inline void SceneSink::set_camera_path(uint32_t /*first_frame*/, std::span<const shading::Camera> /*cameras*/) {}
 
 }  // namespace spillway::pipeline

@@ -60,6 +60,8 @@ struct CountersBefore {
   static std::array<cache::IoUse, cache::kIoPurposeCount> io();
 };
 
+// Facts of the run, when its waves are in the log.
+void fill_log(const RenderState& state, const RenderReport& report);
 // The counters at the end of the frame.
 void fill_report(const RenderState& state, const CountersBefore& before, RenderReport& report);
 

@@ -76,6 +76,7 @@ ShadingPoint shading_point(const cache::TriangleAttributes& triangle, const HitR
   const float distance = hit.hit.t * length(hit.direction_world);
   point.width_world = hit.path.cone_width + hit.path.cone_spread * distance;
   point.width_uv = point.width_world * map.uv_per_world;
+  point.time = instance.time;
   return point;
 }
 
@@ -106,11 +107,11 @@ cache::TraceRay shadow_ray(const PathSettings& settings, const ShadingPoint& poi
                            const shading::LightSample& sample) {
   const Float3 origin = shading::ray_origin(point.position, point.normal_geometric, sample.w_next_world,
                                             settings.lights.scene_radius_world);
-  if (!std::isfinite(sample.distance)) return {origin, INFINITY, sample.w_next_world, 0};
+  if (!std::isfinite(sample.distance)) return {origin, INFINITY, sample.w_next_world, point.time};
   const Float3 to_light = sample.point_world - origin;
   // The light's own surface lies at 1, give or take the rounding of coordinates of this size.
   const float margin = 64 * 0x1p-24f * (1 + max_abs(sample.point_world) / sample.distance);
-  return {origin, 1 - margin, to_light, 0};
+  return {origin, 1 - margin, to_light, point.time};
 }
 
 // Who receives light here, as a tree sees it: a normal on the side that the path came from, where light of the other
@@ -123,12 +124,10 @@ shading::LightReceiver light_receiver(const PathSettings& settings, const Shadin
 
 void next_event(const PathSettings& settings, const HitRecord& hit, const ShadingPoint& point,
                 const SurfaceValues& surface, const shading::LightReceiver& receiver, const shading::Frame& frame,
-                Float3 w_prev_local, ShadedVertex& out) {
+                Float3 w_prev_local, const shading::BouncePoints& points, ShadedVertex& out) {
   if (settings.lights.empty() || !shading::has_continuous_lobe(surface.bsdf)) return;
-  const shading::SampleKey key = sample_key(hit.path, settings.seed, settings.sampler);
-  const Float2 u = shading::sample_2d(key, shading::bounce_slot(hit.path.bounce, shading::kBounceLight));
-  const Float2 select = shading::sample_2d(key, shading::bounce_slot(hit.path.bounce, shading::kBounceLightSelect));
-  const shading::LightSample light = shading::sample_light(settings.lights, receiver, select, u);
+  const shading::LightSample light = shading::sample_light(
+      settings.lights, receiver, points[shading::kBounceLightSelect], points[shading::kBounceLight]);
   if (!(light.pdf_solid_angle > 0) || is_black(light.radiance)) return;
   const shading::BsdfValue f =
       shading::evaluate_bsdf(surface.bsdf, w_prev_local, frame.local_from_world(light.w_next_world));
@@ -156,12 +155,10 @@ bool survives_roulette(PathRecord& path, float u) {
 
 void next_direction(const PathSettings& settings, const HitRecord& hit, const ShadingPoint& point,
                     const SurfaceValues& surface, const shading::LightReceiver& receiver, const shading::Frame& frame,
-                    Float3 w_prev_local, ShadedVertex& out) {
-  const shading::SampleKey key = sample_key(hit.path, settings.seed, settings.sampler);
-  const Float2 u = shading::sample_2d(key, shading::bounce_slot(hit.path.bounce, shading::kBounceBsdf));
-  const Float2 choose =
-      shading::sample_2d(key, shading::bounce_slot(hit.path.bounce, shading::kBounceLobeAndRoulette));
-  const shading::BsdfSample sample = shading::sample_bsdf(surface.bsdf, w_prev_local, u, choose.x);
+                    Float3 w_prev_local, const shading::BouncePoints& points, ShadedVertex& out) {
+  const Float2 choose = points[shading::kBounceLobeAndRoulette];
+  const shading::BsdfSample sample =
+      shading::sample_bsdf(surface.bsdf, w_prev_local, points[shading::kBounceBsdf], choose.x);
   if (is_black(sample.weight)) return;
   PathRecord path = hit.path;
   path.bounce += 1;
@@ -176,7 +173,7 @@ void next_direction(const PathSettings& settings, const HitRecord& hit, const Sh
   const Float3 w_next = frame.world_from_local(sample.w_next_local);
   const Float3 origin =
       shading::ray_origin(point.position, point.normal_geometric, w_next, settings.lights.scene_radius_world);
-  out.path_ray = {origin, INFINITY, w_next, 0};
+  out.path_ray = {origin, INFINITY, w_next, point.time};
   out.path = path;
   out.has_path = true;
 }
@@ -192,8 +189,10 @@ ShadedVertex shade_vertex(const PathSettings& settings, const HitRecord& hit, co
   const Float3 w_prev_local = frame.local_from_world(-hit.direction_world);
   if (w_prev_local.z == 0) return out;
   const shading::LightReceiver receiver = light_receiver(settings, point, surface, frame, w_prev_local);
-  next_event(settings, hit, point, surface, receiver, frame, w_prev_local, out);
-  next_direction(settings, hit, point, surface, receiver, frame, w_prev_local, out);
+  const shading::BouncePoints points =
+      shading::sample_bounce(sample_key(hit.path, settings.seed, settings.sampler), hit.path.bounce);
+  next_event(settings, hit, point, surface, receiver, frame, w_prev_local, points, out);
+  next_direction(settings, hit, point, surface, receiver, frame, w_prev_local, points, out);
   return out;
 }
 
@@ -217,7 +216,7 @@ bool stopped_by_alpha(const HitRecord& hit, uint32_t seed, float alpha) {
 cache::TraceRay ray_beyond(const PathSettings& settings, const HitRecord& hit, const ShadingPoint& point) {
   const Float3 origin = shading::ray_origin(point.position, point.normal_geometric, hit.direction_world,
                                             settings.lights.scene_radius_world);
-  return {origin, hit.t_max - hit.hit.t, hit.direction_world, 0};
+  return {origin, hit.t_max - hit.hit.t, hit.direction_world, point.time};
 }
 
 }  // namespace spillway::pipeline

@@ -8,6 +8,7 @@
 #include "cache/attribute_block.h"
 #include "pipeline/records.h"
 #include "pipeline/scene.h"
+#include "pipeline/shutter.h"
 #include "shading/bsdf.h"
 #include "shading/frame.h"
 #include "shading/light.h"
@@ -25,12 +26,14 @@ struct ShadingPoint {
   Float2 uv;
   float width_world;        // footprint of the path's cone on a surface that faces it
   float width_uv;           // the same in uv units
+  float time;               // of the path: the rays that leave keep it
 };
 
-// Transforms of the instance that was hit; null: the world itself.
+// Transforms of the instance that was hit, at the time of the path; null: the world itself.
 struct InstanceTransform {
   const Affine3* world_from_object = nullptr;
   const Affine3* object_from_world = nullptr;
+  float time = 0;
 };
 
 [[nodiscard]] ShadingPoint shading_point(const cache::TriangleAttributes& triangle, const HitRecord& hit,
@@ -42,6 +45,7 @@ struct PathSettings {
   uint32_t max_depth = 5;
   uint32_t seed = 0;
   shading::SamplerKind sampler = shading::SamplerKind::sobol;
+  Shutter shutter = {};
 };
 
 // Numbers that a vertex still needs from the scene's tables and textures.

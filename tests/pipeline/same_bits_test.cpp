@@ -161,6 +161,79 @@ TEST_F(SameBits, when_rays_are_not_sorted) {
   EXPECT_EQ(render(o, 2).report.image_hash, hash_);
 }
 
+TEST_F(SameBits, when_few_hits_are_sorted_together) {
+  RenderOptions o = options();
+  o.plan.attribute_bytes = attribute_bytes() / 4;
+  const uint64_t sorted = render(o, 2).report.shade.attribute_blocks_touched;
+  o.hit_batch_rays = 500;
+  const RenderedImage image = render(o, 2);
+  EXPECT_EQ(image.report.image_hash, hash_);
+  EXPECT_GT(image.report.shade.attribute_blocks_touched, 2 * sorted);  // each batch asks for its blocks
+  o.plan.attribute_bytes = 0;
+  EXPECT_EQ(render(o, 2).report.image_hash, hash_);
+}
+
+TEST_F(SameBits, without_reading_ahead) {
+  RenderOptions o = options();
+  o.read_ahead = false;
+  o.plan.page_bytes = trace_bytes() / 4, o.plan.attribute_bytes = attribute_bytes() / 4;
+  const RenderedImage image = render(o, 2);
+  EXPECT_EQ(image.report.image_hash, hash_);
+  EXPECT_GT(image.report.pages.parts_read_again, 0u);
+  EXPECT_GT(image.report.pages.wait_seconds, 0);
+}
+
+TEST_F(SameBits, when_resident_pages_are_swept_with_the_others) {
+  RenderOptions o = options();
+  o.plan.page_bytes = trace_bytes() / 2;
+  const uint64_t pairs = render(o, 2).report.trace.pair_count;
+  o.resident_first = false;
+  const RenderedImage limited = render(o, 2);
+  EXPECT_EQ(limited.report.image_hash, hash_);
+  EXPECT_GT(limited.report.trace.pair_count, pairs);
+  o.plan.page_bytes = 0;
+  const RenderedImage whole = render(o, 2);
+  EXPECT_EQ(whole.report.image_hash, hash_);
+  EXPECT_GT(whole.report.trace.pair_count, whole.report.trace.ray_count / 2);
+}
+
+TEST_F(SameBits, when_waves_are_not_topped_up) {
+  RenderOptions o = options();
+  o.plan.wave_paths = 2000;
+  const size_t waves = render(o, 2).report.waves.size();
+  o.top_up_waves = false;
+  const RenderedImage image = render(o, 2);
+  EXPECT_EQ(image.report.image_hash, hash_);
+  EXPECT_GT(image.report.waves.size(), waves);
+}
+
+TEST_F(SameBits, while_an_access_log_is_written) {
+  RenderOptions o = options();
+  o.plan.wave_paths = 1500;
+  AccessLog whole, limited;
+  o.access_log = &whole;
+  EXPECT_EQ(render(o, 2).report.image_hash, hash_);
+  o.access_log = &limited;
+  o.plan.page_bytes = trace_bytes() / 4, o.plan.attribute_bytes = attribute_bytes() / 4;
+  const RenderedImage image = render(o, 2);
+  EXPECT_EQ(image.report.image_hash, hash_);
+  // What is needed is the rays' affair: the same for any budget. What is read is what the counters say.
+  ASSERT_EQ(whole.waves.size(), limited.waves.size());
+  uint64_t pages_read = 0, blocks_read = 0;
+  for (size_t w = 0; w < whole.waves.size(); ++w) {
+    const WaveAccess &a = whole.waves[w], &b = limited.waves[w];
+    EXPECT_TRUE(a.camera_pages == b.camera_pages && a.continued_pages == b.continued_pages &&
+                a.shadow_pages == b.shadow_pages && a.sampled_pages == b.sampled_pages &&
+                a.attribute_blocks == b.attribute_blocks)
+        << w;
+    for (const uint32_t page : b.read_pages) pages_read += limited.page_bytes[page];
+    for (const uint32_t block : b.read_attribute_blocks) blocks_read += limited.attribute_bytes[block];
+  }
+  EXPECT_EQ(pages_read, image.report.pages.bytes_read);
+  EXPECT_EQ(blocks_read, image.report.attributes.bytes_read);
+  EXPECT_GT(image.report.pages.parts_read_again, 0u);
+}
+
 TEST_F(SameBits, for_fractions_of_the_pages) {
   for (const uint64_t part : {2, 8}) {
     RenderOptions o = options();

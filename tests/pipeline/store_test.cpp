@@ -11,8 +11,8 @@
 namespace spillway::pipeline::test {
 namespace {
 
-// Two quads, a lamp and an instance: a manifest of some thousand bytes, so that each can be tried.
-// lit: the prototype emits too, so that the store has light trees.
+// Two quads, a lamp, an instance that moves and a camera that does: a manifest of some thousand bytes, so that each can
+// be tried. lit: the prototype emits too and stands still, so that the store has light trees.
 Status pack_small(const std::filesystem::path& path, std::vector<std::filesystem::path> sources = {}, bool lit = false) {
   SPILLWAY_ASSIGN(const auto packer, ScenePacker::create(path, {.source_files = std::move(sources)}));
   packer->set_settings(small_settings());
@@ -36,7 +36,11 @@ Status pack_small(const std::filesystem::path& path, std::vector<std::filesystem
   tree_input.object = packer->begin_object("Tree");
   tree_input.emits = lit, tree_input.emission = {2, 1, 1};
   SPILLWAY_TRY(packer->add_mesh(tree_input));
-  SPILLWAY_TRY(packer->add_instance(tree_input.object, Affine3{}));
+  Affine3 end;
+  end.m[0][0] = end.m[1][1] = 0.6f, end.m[1][0] = 0.8f, end.m[0][1] = -0.8f, end.m[2][3] = 1;
+  SPILLWAY_TRY(packer->set_camera_end(end));
+  if (!lit) SPILLWAY_TRY(packer->add_moving_instance(tree_input.object, Affine3{}, end));
+  if (lit) SPILLWAY_TRY(packer->add_instance(tree_input.object, Affine3{}));
   if (lit) SPILLWAY_TRY(packer->add_instance(tree_input.object, Affine3{{{-2, 0, 0, 5}, {0, 1, 0, 0}, {0, 1, 1, 0}}}));
   SPILLWAY_TRY(packer->add_light(light_of(shading::LightKind::spot)));
   SPILLWAY_TRY(packer->add_light(light_of(shading::LightKind::distant)));
@@ -297,6 +301,7 @@ TEST_F(StoreTest, each_law_between_the_tables_is_checked_and_the_section_named) 
       {section::kCameraPath, offsetof(FrameCamera, frame), 8},  // twice
       {section::kCameraPath, offsetof(FrameCamera, camera) + offsetof(shading::Camera, resolution_x_px), 63},
       {section::kCameraPath, offsetof(FrameCamera, camera) + offsetof(shading::Camera, focal_distance), nan},
+      {section::kCameraPath, offsetof(FrameCamera, camera) + offsetof(shading::Camera, motion), 1},
       {section::kMeshes, offsetof(Mesh, prim_base), 1},
       {section::kMeshes, offsetof(Mesh, face_count), 0},
       {section::kMeshes, offsetof(Mesh, material), 2},
@@ -337,6 +342,20 @@ TEST_F(StoreTest, each_law_between_the_tables_is_checked_and_the_section_named) 
       {section::kTreeEntries, offsetof(cache::PageTreeEntry, index), 0},  // the world's page, now twice
       {section::kTreeObjects, offsetof(cache::PageObject, root), cache::kNoChild},
       {section::kTreeObjects, offsetof(cache::PageObject, bounds_object), nan},
+      {section::kSettings, offsetof(SceneSettings, camera) + offsetof(shading::Camera, motion), 3},
+      {section::kSettings, offsetof(SceneSettings, camera) + offsetof(shading::Camera, shutter_open), 0x40000000},  // after
+      {section::kSettings, offsetof(SceneSettings, motion), 0x40000000},  // ends before it starts
+      {section::kMotions, 0, 0x3f800001},                                 // not where the camera is
+      {section::kMotions, sizeof(Motion), 0x3f800001},                    // not where the instance is
+      {section::kMotions, offsetof(Motion, rotation), 0x3f000000},
+      {section::kMotions, offsetof(Motion, axis), nan},
+      {section::kMotions, offsetof(Motion, turns), 0x3f000001},           // more than half a turn
+      {section::kMotions, offsetof(Motion, turns), 0},                    // not as far as the other key
+      {section::kMotions, offsetof(Motion, stretch), 0xbf800000},         // mirrored in one direction
+      {section::kMotions, offsetof(Motion, stretch), 0},                  // flat
+      {section::kMotions, offsetof(Motion, key) + sizeof(Affine3) + 12, 0x7f000000},  // too far
+      {section::kInstances, sizeof(cache::Instance) + offsetof(cache::Instance, motion), 3},
+      {section::kInstances, offsetof(cache::Instance, motion), 1},  // the world does not move
       {section::kInstances, 0, 0x3f800001},  // the world: not the identity
       {section::kInstances, sizeof(cache::Instance), 0x3f900000},  // not the inverse of the other
       {section::kInstances, sizeof(cache::Instance) + offsetof(cache::Instance, object), 0},
@@ -354,7 +373,8 @@ TEST_F(StoreTest, the_camera_path_is_kept_and_the_contents_have_a_key) {
   ASSERT_TRUE(store);
   ASSERT_EQ(store->camera_path().size(), 2u);
   EXPECT_EQ(store->camera_path()[1].frame, 8u);
-  EXPECT_EQ(std::memcmp(&store->camera_path()[1].camera, &store->settings().camera, sizeof(shading::Camera)), 0);
+  const shading::Camera camera = small_settings().camera;
+  EXPECT_EQ(std::memcmp(&store->camera_path()[1].camera, &camera, sizeof camera), 0);
   const std::filesystem::path other = directory_ / "b.store";
   ASSERT_TRUE(pack_small(other, {directory_ / "a.store" / kManifestFile}));
   EXPECT_EQ(Store::open(other)->content_key(), store->content_key());  // whatever it was made from

@@ -86,8 +86,10 @@ TEST(pbrt_errors, directives_belong_somewhere) {
       {"Identity", "scene.pbrt: no WorldBegin"},
       {"", "scene.pbrt: no WorldBegin"},
       {"ColorSpace \"adobe\"", "scene.pbrt:1:12: color space \"adobe\" is not known"},
-      {"ActiveTransform StartTime", "scene.pbrt:1:17: ActiveTransform StartTime: motion"},
-      {"TransformTimes 0 1", "scene.pbrt:1:1: TransformTimes: motion"},
+      {"ActiveTransform Middle", "scene.pbrt:1:17: ActiveTransform Middle: use StartTime, EndTime or All"},
+      {"TransformTimes 1 1", "scene.pbrt:1:1: TransformTimes 1 1: the first must be before the second"},
+      {"TransformTimes 0 1e99", "scene.pbrt:1:1: TransformTimes 0 1e+99: the first"},
+      {"WorldBegin TransformTimes 0 1", "scene.pbrt:1:12: TransformTimes belongs before WorldBegin"},
       {"WorldBegin MediumInterface \"fog\" \"\"", "scene.pbrt:1:12: MediumInterface: media"},
       {"WorldBegin\n" +
            [] {

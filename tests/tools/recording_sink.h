@@ -39,6 +39,12 @@ class RecordingSink : public pipeline::SceneSink {
   std::vector<RecordedMesh> meshes;
   std::vector<RecordedCage> cages;
   std::vector<std::pair<uint32_t, Affine3>> instances;
+  struct Moving {
+    uint32_t object;
+    Affine3 start, end;
+  };
+  std::vector<Moving> moving;
+  std::vector<Affine3> camera_ends;
   pipeline::SceneSettings settings;
   int settings_count = 0, finish_count = 0;
   uint64_t mesh_count = 0, triangle_count = 0;
@@ -110,6 +116,16 @@ class RecordingSink : public pipeline::SceneSink {
   Status add_instance(uint32_t object, const Affine3& world_from_object) override {
     if (object == 0 || object > objects.size()) contract = "instance of no object";
     instances.emplace_back(object, world_from_object);
+    return {};
+  }
+  Status add_moving_instance(uint32_t object, const Affine3& start, const Affine3& end) override {
+    if (object == 0 || object > objects.size()) contract = "instance of no object";
+    moving.push_back({object, start, end});
+    return {};
+  }
+  Status set_camera_end(const Affine3& world_from_camera) override {
+    if (settings_count == 0) contract = "the camera's end before its settings";
+    camera_ends.push_back(world_from_camera);
     return {};
   }
   void set_settings(const pipeline::SceneSettings& given) override { settings = given, ++settings_count; }
