@@ -3,11 +3,62 @@
 #include <algorithm>
 #include <cmath>
 
+#include "pipeline/render/shade_path.h"
+#include "shading/noise.h"
+#include "shading/trigonometry.h"
+
 namespace spillway::pipeline {
 namespace {
 
-Float2 mapped(const TextureNode& node, Float2 uv) {
-  return {uv.x * node.uv_scale[0] + node.uv_offset[0], uv.y * node.uv_scale[1] + node.uv_offset[1]};
+// A point in texture space, and the footprint there: along each axis, and along the longest.
+struct Place {
+  Float3 point, width;
+  float longest;
+};
+
+float row_length(const Affine3& a, int row) { return length({a.m[row][0], a.m[row][1], a.m[row][2]}); }
+
+float longest_column(const Affine3& a) {
+  float squared = 0;
+  for (int c = 0; c < 3; ++c) squared = std::max(squared, length_squared({a.m[0][c], a.m[1][c], a.m[2][c]}));
+  return std::sqrt(squared);
+}
+
+Place place_of(const TextureNode& node, const TextureQuery& query) {
+  const ShadingPoint& at = *query.point;
+  const Float2 step = query.uv - at.uv;
+  Float3 world = at.position;
+  if (step.x != 0 || step.y != 0) world += at.dpdu * step.x + at.dpdv * step.y;
+  const Affine3& a = node.texture_from_world;
+  const float width = query.width_uv > 0 ? at.width_world : 0;
+  const Float3 point = a.point(world);
+  return {is_finite(point) ? point : Float3{0, 0, 0},
+          Float3{row_length(a, 0), row_length(a, 1), row_length(a, 2)} * width, longest_column(a) * width};
+}
+
+struct Mapped {
+  Float2 st, width;  // footprint along s and along t
+};
+
+// A length as a share of a circle of this size; never more than all of it.
+float share(float width, float circle) { return width < circle ? width / circle : (width > 0 ? 1.0f : 0.0f); }
+
+Mapped mapped_place(const TextureNode& node, const TextureQuery& query) {
+  const Place place = place_of(node, query);
+  const Float3 p = place.point;
+  if (node.mapping == TextureMapping::planar) return {{p.x, p.y}, {place.width.x, place.width.y}};
+  const float off_axis = std::sqrt(p.x * p.x + p.y * p.y), turn = shading::turn_of(p.y, p.x);
+  const float around = share(place.longest, 2 * shading::kPi * off_axis);
+  if (node.mapping == TextureMapping::cylindrical)
+    return {{turn < 0.5f ? turn + 0.5f : turn - 0.5f, p.z}, {around, place.width.z}};
+  return {{2 * shading::turn_of(off_axis, p.z), turn}, {share(place.longest, shading::kPi * length(p)), around}};
+}
+
+Mapped mapped(const TextureNode& node, const TextureQuery& query) {
+  if (node.mapping != TextureMapping::uv) return mapped_place(node, query);
+  const Float2 st{query.uv.x * node.uv_scale[0] + node.uv_offset[0], query.uv.y * node.uv_scale[1] + node.uv_offset[1]};
+  return {{std::isfinite(st.x) ? st.x : 0, std::isfinite(st.y) ? st.y : 0},
+          {query.width_uv * std::fabs(node.uv_scale[0]), query.width_uv * std::fabs(node.uv_scale[1])}};
 }
 
 cache::Texel product(const cache::Texel& a, const cache::Texel& b) {
@@ -36,9 +87,42 @@ float filtered_sign(float x, float r) {
 
 // How much of the footprint lies in cells of unlike parity.
 float checkerboard(const TextureNode& node, const TextureQuery& query) {
-  const Float2 st = mapped(node, query.uv);
-  const float rx = 1.5f * query.width_uv * std::fabs(node.uv_scale[0]), ry = 1.5f * query.width_uv * std::fabs(node.uv_scale[1]);
-  return 0.5f - filtered_sign(st.x, rx) * filtered_sign(st.y, ry) / 2;
+  constexpr float kRadius = 1.5f;  // of the filter, in footprints
+  if (node.mapping == TextureMapping::solid) {
+    const Place p = place_of(node, query);
+    float sign = 1;
+    for (int axis = 0; axis < 3; ++axis) sign *= filtered_sign(p.point[axis], kRadius * p.width[axis]);
+    return 0.5f - sign / 2;
+  }
+  const Mapped at = mapped(node, query);
+  return 0.5f - filtered_sign(at.st.x, kRadius * at.width.x) * filtered_sign(at.st.y, kRadius * at.width.y) / 2;
+}
+
+cache::Texel grey(float value) { return {{value, value, value, 1}}; }
+
+// Textures of solid noise: no lookups, no children.
+cache::Texel noise_value(const TextureNode& node, const TextureQuery& query) {
+  const Place at = place_of(node, query);
+  const float roughness = node.value[0];
+  const auto octaves = static_cast<uint32_t>(node.value[1]);
+  switch (node.kind) {
+    case TextureKind::fbm:
+      return grey(shading::fractal_noise(at.point, at.longest, roughness, octaves));
+    case TextureKind::wrinkled:
+      return grey(shading::turbulence(at.point, at.longest, roughness, octaves));
+    case TextureKind::windy:
+      return grey(shading::windy_waves(at.point, at.longest));
+    default:
+      break;
+  }
+  const Rgb c = shading::marble_color(at.point, at.longest, {roughness, node.value[2], node.value[3], octaves});
+  return {{c.r, c.g, c.b, 1}};
+}
+
+bool is_noise(TextureKind kind) { return kind >= TextureKind::fbm; }
+
+float along_direction(const TextureNode& node, const TextureQuery& query) {
+  return std::fabs(dot(query.point->normal_geometric, {node.value[0], node.value[1], node.value[2]}));
 }
 
 }  // namespace
@@ -73,9 +157,8 @@ void TextureEvaluator::collect(uint32_t node, const TextureQuery& query,
                                std::vector<cache::TextureRequest>& requests) const {
   const TextureNode& n = nodes_[node];
   if (n.kind == TextureKind::image) {
-    const Float2 st = mapped(n, query.uv);
-    requests.push_back({n.image, n.wrap, n.filter, st.x, st.y,
-                        query.width_uv * std::max(std::fabs(n.uv_scale[0]), std::fabs(n.uv_scale[1]))});
+    const Mapped at = mapped(n, query);
+    requests.push_back({n.image, n.wrap, n.filter, at.st.x, at.st.y, std::max(at.width.x, at.width.y)});
   }
   for (uint32_t c = 0; c < child_count(n.kind); ++c) collect(n.child[c], query, requests);
 }
@@ -84,15 +167,20 @@ cache::Texel TextureEvaluator::combine(uint32_t node, const TextureQuery& query,
   const TextureNode& n = nodes_[node];
   if (n.kind == TextureKind::constant) return {{n.value[0], n.value[1], n.value[2], n.value[3]}};
   if (n.kind == TextureKind::image) return image_value(n, *next++);
+  if (is_noise(n.kind)) return noise_value(n, query);
   cache::Texel child[4];
   for (uint32_t c = 0; c < child_count(n.kind); ++c) child[c] = combine(n.child[c], query, next);
   switch (n.kind) {
     case TextureKind::scale: return product(child[0], child[1]);
     case TextureKind::mix: return mixed(child[0], child[1], child[2].value[0]);
     case TextureKind::checkerboard: return mixed(child[0], child[1], checkerboard(n, query));
+    case TextureKind::direction_mix:
+      return mixed(child[1], child[0], along_direction(n, query));
+    case TextureKind::dots:
+      return shading::is_inside_dot(mapped(n, query).st) ? child[0] : child[1];
     default: break;
   }
-  const Float2 st = mapped(n, query.uv);
+  const Float2 st = mapped(n, query).st;
   return mixed(mixed(child[0], child[1], st.y), mixed(child[2], child[3], st.y), st.x);
 }
 

@@ -13,10 +13,14 @@
 
 namespace spillway::pipeline {
 
+struct ShadingPoint;
+
 struct TextureQuery {
   uint32_t texture;  // TextureId
-  Float2 uv;
-  float width_uv;    // footprint; 0: the finest level
+  Float2 uv;         // near the point's own: bump mapping looks a step away
+  float width_uv;    // footprint; 0: the finest level, also of what does not depend on uv
+  // Of a graph with places (mappings other than uv) or normals: what it looks at. Others do not touch it.
+  const ShadingPoint* point = nullptr;
 };
 
 // What an image node makes of the texel that was looked up.

@@ -10,24 +10,54 @@
 #include "cache/texture_cache.h"
 #include "shading/camera.h"
 #include "shading/light.h"
+#include "shading/sampler.h"
 
 namespace spillway::pipeline {
 
 // ---- textures: a small graph; nodes come after the nodes they use ----
 
-enum class TextureKind : uint32_t { constant, image, scale, mix, checkerboard, bilerp };
+enum class TextureKind : uint32_t {
+  constant,
+  image,
+  scale,
+  mix,
+  checkerboard,
+  bilerp,
+  direction_mix,
+  dots,
+  fbm,
+  wrinkled,
+  windy,
+  marble,
+};
+
+// How a place becomes the st of a texture, or its place (x, y, z) in solid ones. All but uv start from the point in the
+// texture's own space, texture_from_world.
+enum class TextureMapping : uint32_t {
+  uv,           // st = uv * scale + offset
+  spherical,    // s: angle from +z in half turns; t: angle about z, in turns
+  cylindrical,  // s: angle about z, in turns; t: z
+  planar,       // st = (x, y)
+  solid,        // three dimensions
+};
 
 struct TextureNode {
   TextureKind kind = TextureKind::constant;
-  float value[4] = {0, 0, 0, 1};  // constant; image: multiplied onto the texel (pbrt's scale)
+  // constant. image: multiplied onto the texel (pbrt's scale). direction_mix: unit direction in the world. fbm,
+  // wrinkled: roughness, octaves. marble: roughness, octaves, scale, variation.
+  float value[4] = {0, 0, 0, 1};
   uint32_t image = ImageId::kNone;
   cache::WrapMode wrap = cache::WrapMode::repeat;
   cache::TexelFilter filter = cache::TexelFilter::bilinear;
   uint32_t invert = 0;
   uint32_t is_float = 0;  // image: the mean of red, green and blue stands for all three
-  float uv_scale[2] = {1, 1};  // st = uv * scale + offset
+  TextureMapping mapping = TextureMapping::uv;
+  float uv_scale[2] = {1, 1};
   float uv_offset[2] = {0, 0};
-  // scale: a, b. mix: a, b, amount. checkerboard: where both cells are even or odd, elsewhere. bilerp: at st 00, 01, 10, 11.
+  Affine3 texture_from_world;
+  // scale: a, b. mix: a, b, amount. checkerboard: where both cells are even or odd, elsewhere. bilerp: at st 00, 01,
+  // 10,
+  // 11. direction_mix: where the normal lies along the direction, across it. dots: inside, outside.
   uint32_t child[4] = {TextureId::kNone, TextureId::kNone, TextureId::kNone, TextureId::kNone};
 };
 
@@ -35,7 +65,10 @@ struct TextureNode {
 [[nodiscard]] constexpr uint32_t child_count(TextureKind kind) {
   switch (kind) {
     case TextureKind::scale:
-    case TextureKind::checkerboard: return 2;
+    case TextureKind::checkerboard:
+    case TextureKind::direction_mix:
+    case TextureKind::dots:
+      return 2;
     case TextureKind::mix: return 3;
     case TextureKind::bilerp: return 4;
     default: return 0;
@@ -116,6 +149,8 @@ struct RenderSettings {
   uint32_t max_depth = 5;      // bounces, as pbrt counts
   uint32_t seed = 0;
   uint32_t regularize = 0;
+  shading::SamplerKind sampler = shading::SamplerKind::sobol;
+  uint32_t reserved = 0;  // the store has no padding
 };
 
 struct SceneStatistics {

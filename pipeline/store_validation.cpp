@@ -4,6 +4,8 @@
 #include <cstring>
 #include <vector>
 
+#include "shading/noise.h"
+
 namespace spillway::pipeline {
 namespace {
 
@@ -332,15 +334,31 @@ Status check_settings(const SceneSettings& settings, std::string_view where) {
                  film.crop_y0, film.crop_y1);
   if (!std::isfinite(film.exposure_scale) || film.exposure_scale <= 0)
     return error("{}: an exposure scale of {}", where, film.exposure_scale);
+  if (settings.render.sampler > shading::SamplerKind::independent)
+    return error("{}: a sampler of no known kind", where);
   if (settings.render.samples_per_pixel == 0) return error("{}: no samples a pixel", where);
   return {};
 }
 
+namespace {
+
+float octaves_of(const TextureNode& node) {
+  const bool has =
+      node.kind == TextureKind::fbm || node.kind == TextureKind::wrinkled || node.kind == TextureKind::marble;
+  return has ? node.value[1] : 0;
+}
+
+}  // namespace
+
 Status check_texture(const TextureNode& node, size_t index, size_t image_count, std::string_view where) {
-  if (node.kind > TextureKind::bilerp || node.wrap > cache::WrapMode::black || node.filter > cache::TexelFilter::trilinear)
+  if (node.kind > TextureKind::marble || node.mapping > TextureMapping::solid || node.wrap > cache::WrapMode::black ||
+      node.filter > cache::TexelFilter::trilinear)
     return error("{}: is of no known kind, wrap or filter", where);
-  if (!all_finite(node.value) || !all_finite(node.uv_scale) || !all_finite(node.uv_offset))
+  if (!all_finite(node.value) || !all_finite(node.uv_scale) || !all_finite(node.uv_offset) ||
+      !is_finite_transform(node.texture_from_world))
     return error("{}: has a number that is not finite", where);
+  if (octaves_of(node) > shading::kMaxOctaves || octaves_of(node) < 0)
+    return error("{}: has {} octaves of noise; 0 to {} can be", where, node.value[1], shading::kMaxOctaves);
   if (node.kind == TextureKind::image && node.image >= image_count)
     return error("{}: uses image {} of {}", where, node.image, image_count);
   for (size_t c = 0; c < child_count(node.kind); ++c)
@@ -350,7 +368,7 @@ Status check_texture(const TextureNode& node, size_t index, size_t image_count, 
 }
 
 Status TextureCosts::add(const TextureNode& node, std::string_view where) {
-  uint64_t cost = 1;
+  uint64_t cost = 1 + static_cast<uint64_t>(octaves_of(node));  // each as dear as a lookup
   for (uint32_t c = 0; c < child_count(node.kind); ++c) cost += costs_[node.child[c]];
   if (cost > kMost)
     return error("{}: asks for more than {} lookups, since textures below it are used again and again", where, kMost);

@@ -38,9 +38,16 @@ uint32_t sobol_second_reversed(uint32_t index) {
   return index;
 }
 
+Float2 independent_2d(SampleKey key, uint32_t slot) {
+  const uint64_t h = hash_combine(hash_combine(uint64_t{key.seed} << 32 | slot, uint64_t{key.sink} << 32 | key.sample),
+                                  uint64_t{1} << 33);
+  return {unit_float(static_cast<uint32_t>(h >> 32)), unit_float(static_cast<uint32_t>(h))};
+}
+
 }  // namespace
 
 Float2 sample_2d(SampleKey key, uint32_t slot) {
+  if (key.kind == SamplerKind::independent) return independent_2d(key, slot);
   const uint64_t half = key.sample & 1;
   const uint64_t scramble =
       hash_combine(hash_combine(uint64_t{key.seed} << 1 | half, key.sink), (uint64_t{1} << 32) | slot);

@@ -13,12 +13,15 @@ namespace spillway::shading {
 // Streams keep unrelated uses apart (camera paths now; light paths, baking later).
 enum class SampleStream : uint32_t { camera_paths = 0, decisions = 1 };
 
+enum class SamplerKind : uint32_t { sobol, independent };  // independent: to measure the other by
+
 // Samples of a sink are split over two halves with independent scrambles: half = sample & 1, index in it = sample >> 1,
 // so that the halves estimate the error (and every even sample count fills both equally).
 struct SampleKey {
   uint32_t sink;
   uint32_t sample;
   uint32_t seed;
+  SamplerKind kind = SamplerKind::sobol;
 };
 
 // Dimension slots: each slot is one 2D point of its own.

@@ -2,6 +2,7 @@
 
 // Sine, cosine and arc tangent of our own, so that their bits do not change with the C library.
 
+#include <algorithm>
 #include <cmath>
 
 #include "cache/base/vec.h"
@@ -42,6 +43,16 @@ inline float atan_of_ratio(float y, float x) {
   for (int i = 0; i < 2; ++i) t = t / (1 + std::sqrt(1 + t * t));
   const double s = t * t;
   return static_cast<float>(4 * t * (1 + s * (-1.0 / 3 + s * (1.0 / 5 + s * (-1.0 / 7 + s * (1.0 / 9 - s * (1.0 / 11)))))));
+}
+
+// The angle of (x, y) from the x axis towards y, in turns, [0, 1]; 0 at the origin.
+inline float turn_of(float y, float x) {
+  const float ax = std::fabs(x), ay = std::fabs(y), larger = std::max(ax, ay);
+  if (!(larger > 0) || !std::isfinite(larger)) return 0;
+  float turn = atan_of_ratio(std::min(ax, ay), larger) / (2 * kPi);
+  if (ay > ax) turn = 0.25f - turn;
+  if (x < 0) turn = 0.5f - turn;
+  return y < 0 ? 1 - turn : turn;
 }
 
 // Maps the unit square to the unit disk, preserving area and neighbourhood (Shirley and Chiu 1997).

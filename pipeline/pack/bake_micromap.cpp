@@ -131,8 +131,8 @@ Result<std::vector<std::byte>> bake_micromap(const Float2 uv[3], uint32_t alpha_
                                              cache::TextureCache* images) {
   const TextureNode& node = textures[alpha_texture];
   if (node.kind == TextureKind::constant) return uniform(opacity(node.value[0], node.value[0]));
-  // Graphs are left to shade_hits: bounding them is rarely worth it.
-  if (node.kind != TextureKind::image) return uniform(Opacity::unknown);
+  // Graphs are left to shade_hits: bounding them is rarely worth it. So are images by place, not by uv.
+  if (node.kind != TextureKind::image || node.mapping != TextureMapping::uv) return uniform(Opacity::unknown);
   return bake_image(uv, AlphaImage(node, image_infos[node.image], *images));
 }
 

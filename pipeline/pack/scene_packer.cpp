@@ -342,7 +342,7 @@ std::string ScenePacker::name_lines() const {
 
 Status ScenePacker::write_manifest(const Packed& packed) {
   // No padding inside, whose bytes would be anything.
-  static_assert(sizeof(SceneSettings) == 200);
+  static_assert(sizeof(SceneSettings) == 208);
   settings_.statistics = statistics(packed);
   std::vector<Mesh> meshes;
   for (const SpooledMesh& mesh : scene_.meshes) meshes.push_back(mesh.row);

@@ -19,8 +19,14 @@ uint32_t even_bits(uint32_t x) {
 
 }  // namespace
 
-CameraRays::CameraRays(const shading::Camera& camera, const shading::Filter& filter, PixelWindow window, uint32_t seed)
-    : camera_(camera), filter_(filter), window_(window), seed_(seed), next_pixel_(window.pixel_count()) {}
+CameraRays::CameraRays(const shading::Camera& camera, const shading::Filter& filter, PixelWindow window, uint32_t seed,
+                       shading::SamplerKind sampler)
+    : camera_(camera),
+      filter_(filter),
+      window_(window),
+      seed_(seed),
+      sampler_(sampler),
+      next_pixel_(window.pixel_count()) {}
 
 void CameraRays::begin(const Epoch& epoch) {
   epoch_ = epoch;
@@ -45,7 +51,7 @@ CameraRays::Pixel CameraRays::pixel(uint64_t index) const {
 
 void CameraRays::camera_path(Pixel p, uint32_t sample, cache::TraceRay& ray, PathRecord& path) const {
   const uint32_t sink = p.y * camera_.resolution_x_px + p.x;
-  const shading::SampleKey key{sink, sample, seed_};
+  const shading::SampleKey key{sink, sample, seed_, sampler_};
   const shading::FilterSample film = filter_.sample(shading::sample_2d(key, shading::kSlotFilm));
   const Float2 raster{static_cast<float>(p.x) + 0.5f + film.offset_px.x, static_cast<float>(p.y) + 0.5f + film.offset_px.y};
   const Float2 u_lens = camera_.lens_radius > 0 ? shading::sample_2d(key, shading::kSlotLens) : Float2{0.5f, 0.5f};

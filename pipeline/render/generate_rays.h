@@ -11,6 +11,7 @@
 #include "pipeline/records.h"
 #include "pipeline/render/epochs.h"
 #include "shading/camera.h"
+#include "shading/sampler.h"
 
 namespace spillway::pipeline {
 
@@ -25,7 +26,8 @@ struct PixelWindow {
 // Walks the samples of one epoch; each is handed out exactly once.
 class CameraRays {
  public:
-  CameraRays(const shading::Camera& camera, const shading::Filter& filter, PixelWindow window, uint32_t seed);
+  CameraRays(const shading::Camera& camera, const shading::Filter& filter, PixelWindow window, uint32_t seed,
+             shading::SamplerKind sampler = shading::SamplerKind::sobol);
 
   void begin(const Epoch& epoch);
   [[nodiscard]] bool exhausted() const { return next_pixel_ == window_.pixel_count(); }
@@ -43,6 +45,7 @@ class CameraRays {
   shading::FilterSampler filter_;
   PixelWindow window_;
   uint32_t seed_;
+  shading::SamplerKind sampler_;
   Epoch epoch_;
   uint64_t next_pixel_ = 0;   // of the window, in walking order
   uint32_t next_sample_ = 0;  // inside the epoch

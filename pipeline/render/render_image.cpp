@@ -66,8 +66,11 @@ class StageTimer {
 class RenderLoop {
  public:
   RenderLoop(RenderState& state, RenderReport& report)
-      : state_(state), report_(report), settings_(state.options.settings),
-        camera_rays_(settings_.camera, settings_.filter, pixel_window(settings_), settings_.render.seed),
+      : state_(state),
+        report_(report),
+        settings_(state.options.settings),
+        camera_rays_(settings_.camera, settings_.filter, pixel_window(settings_), settings_.render.seed,
+                     settings_.render.sampler),
         schedule_({settings_.render.samples_per_pixel, state.plan.epoch_samples, state.plan.first_epoch_samples}),
         hits_(stream_options(state, "hits", MemoryTag::hits, cache::IoPurpose::hits, state.plan.hit_bytes)) {}
 

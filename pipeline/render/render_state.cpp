@@ -62,7 +62,7 @@ void connect(RenderState& state) {
   const Store& store = state.store;
   const SceneSettings& settings = state.options.settings;
   ShadeInputs& in = state.inputs;
-  in.settings = {store.light_table(), settings.render.max_depth, settings.render.seed};
+  in.settings = {store.light_table(), settings.render.max_depth, settings.render.seed, settings.render.sampler};
   in.tables = {store.meshes(), store.materials(), state.evaluator.get()};
   in.instances = store.page_tree().instances;
   state.resolver = std::make_unique<MaterialResolver>(in.tables, settings.render.seed);

@@ -87,9 +87,9 @@ float bump_step(const ShadingPoint& point) {
 // Three lookups of the displacement: here, one step along u, one along v.
 void add_bump_queries(uint32_t texture, const ShadingPoint& point, std::vector<TextureQuery>& queries) {
   const float step = bump_step(point);
-  queries.push_back({texture, point.uv, point.width_uv});
-  queries.push_back({texture, {point.uv.x + step, point.uv.y}, point.width_uv});
-  queries.push_back({texture, {point.uv.x, point.uv.y + step}, point.width_uv});
+  queries.push_back({texture, point.uv, point.width_uv, &point});
+  queries.push_back({texture, {point.uv.x + step, point.uv.y}, point.width_uv, &point});
+  queries.push_back({texture, {point.uv.x, point.uv.y + step}, point.width_uv, &point});
 }
 
 // Tilts the shading normal by the surface gradient of the displacement (Mikkelsen 2010, Bump Mapping Unparametrized
@@ -137,7 +137,7 @@ Status MaterialResolver::decide_alpha(std::span<SurfaceQuery> block, Scratch& sc
     q.stopped = !(q.hit->hit.flags & cache::kHitAlphaUnknown);
     q.material = tables_.meshes[q.mesh].material;
     // The finest level, as the micromap saw it: a coarser one could be opaque where the map says it is clear.
-    if (!q.stopped) scratch.queries.push_back({tables_.meshes[q.mesh].alpha_texture, q.point->uv, 0});
+    if (!q.stopped) scratch.queries.push_back({tables_.meshes[q.mesh].alpha_texture, q.point->uv, 0, q.point});
   }
   if (scratch.queries.empty()) return {};
   scratch.values.resize(scratch.queries.size());
@@ -159,7 +159,7 @@ Status MaterialResolver::decide_mixes(std::span<SurfaceQuery> block, Scratch& sc
       if (!q.stopped || q.hit->is_shadow || m.kind != MaterialKind::mix) continue;
       scratch.pending.push_back(i);
       if (m.mix_amount.texture != TextureId::kNone)
-        scratch.queries.push_back({m.mix_amount.texture, q.point->uv, q.point->width_uv});
+        scratch.queries.push_back({m.mix_amount.texture, q.point->uv, q.point->width_uv, q.point});
     }
     if (scratch.pending.empty()) return {};
     scratch.values.resize(scratch.queries.size());
@@ -193,9 +193,10 @@ Status MaterialResolver::resolve_leaves(std::span<SurfaceQuery> block, Scratch& 
     const Material& m = tables_.materials[q.material];
     for (int slot = 0; slot < kParamSlots; ++slot)
       if (param(m, slot).texture != TextureId::kNone)
-        scratch.queries.push_back({param(m, slot).texture, q.point->uv, q.point->width_uv});
+        scratch.queries.push_back({param(m, slot).texture, q.point->uv, q.point->width_uv, q.point});
     if (m.displacement != TextureId::kNone) add_bump_queries(m.displacement, *q.point, scratch.queries);
-    if (m.normal_map != TextureId::kNone) scratch.queries.push_back({m.normal_map, q.point->uv, q.point->width_uv});
+    if (m.normal_map != TextureId::kNone)
+      scratch.queries.push_back({m.normal_map, q.point->uv, q.point->width_uv, q.point});
   }
   if (scratch.pending.empty()) return {};
   scratch.values.resize(scratch.queries.size());

@@ -115,7 +115,7 @@ cache::TraceRay shadow_ray(const ShadingPoint& point, const shading::LightSample
 void next_event(const PathSettings& settings, const HitRecord& hit, const ShadingPoint& point,
                 const SurfaceValues& surface, const shading::Frame& frame, Float3 w_prev_local, ShadedVertex& out) {
   if (settings.lights.lights.empty() || !shading::has_continuous_lobe(surface.bsdf)) return;
-  const shading::SampleKey key = sample_key(hit.path, settings.seed);
+  const shading::SampleKey key = sample_key(hit.path, settings.seed, settings.sampler);
   const Float2 u = shading::sample_2d(key, shading::bounce_slot(hit.path.bounce, shading::kBounceLight));
   const Float2 select = shading::sample_2d(key, shading::bounce_slot(hit.path.bounce, shading::kBounceLightSelect));
   const shading::LightSample light = shading::sample_light(settings.lights, point.position, select.x, u);
@@ -146,7 +146,7 @@ bool survives_roulette(PathRecord& path, float u) {
 
 void next_direction(const PathSettings& settings, const HitRecord& hit, const ShadingPoint& point,
                     const SurfaceValues& surface, const shading::Frame& frame, Float3 w_prev_local, ShadedVertex& out) {
-  const shading::SampleKey key = sample_key(hit.path, settings.seed);
+  const shading::SampleKey key = sample_key(hit.path, settings.seed, settings.sampler);
   const Float2 u = shading::sample_2d(key, shading::bounce_slot(hit.path.bounce, shading::kBounceBsdf));
   const Float2 choose =
       shading::sample_2d(key, shading::bounce_slot(hit.path.bounce, shading::kBounceLobeAndRoulette));

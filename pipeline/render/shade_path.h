@@ -41,6 +41,7 @@ struct PathSettings {
   shading::LightTable lights;
   uint32_t max_depth = 5;
   uint32_t seed = 0;
+  shading::SamplerKind sampler = shading::SamplerKind::sobol;
 };
 
 // Numbers that a vertex still needs from the scene's tables and textures.
@@ -76,8 +77,9 @@ struct ShadedVertex {
 // The same ray, going on behind the point it was let through.
 [[nodiscard]] cache::TraceRay ray_beyond(const HitRecord& hit, const ShadingPoint& point);
 
-[[nodiscard]] inline shading::SampleKey sample_key(const PathRecord& path, uint32_t seed) {
-  return {path.sink, path.sample, seed};
+[[nodiscard]] inline shading::SampleKey sample_key(const PathRecord& path, uint32_t seed,
+                                                   shading::SamplerKind sampler = shading::SamplerKind::sobol) {
+  return {path.sink, path.sample, seed, sampler};
 }
 
 }  // namespace spillway::pipeline

@@ -100,6 +100,17 @@ TEST_F(SameBits, layers_are_those_of_the_reference_too) {
   EXPECT_NE((*film)->hash(), hash_);
 }
 
+TEST_F(SameBits, independent_samples_are_another_image_and_streamed_like_the_reference) {
+  RenderOptions o = options();
+  o.settings.render.sampler = shading::SamplerKind::independent;
+  const auto tracer = kernel_tracer(*store_);
+  ASSERT_TRUE(tracer) << tracer.error().message;
+  const auto film = render_reference(*store_, **tracer, {o.settings, false});
+  ASSERT_TRUE(film) << film.error().message;
+  EXPECT_EQ((*film)->hash(), render(o, 2).report.image_hash);
+  EXPECT_NE((*film)->hash(), hash_);
+}
+
 TEST_F(SameBits, for_any_number_of_threads) {
   for (const int threads : {1, 2, 7}) EXPECT_EQ(render(options(), threads).report.image_hash, hash_) << threads;
 }

@@ -47,6 +47,32 @@ TEST(Sampler, slots_sinks_halves_and_seeds_are_independent) {
   EXPECT_LT(std::abs(correlation(base, [](uint32_t i) { return static_cast<double>(point(i, 0, 4, 5, 1).x); })), 0.0625);
 }
 
+// Independent: no net, no stratum; every part of the key changes the point.
+TEST(Sampler, independent_samples_are_uniform_and_nothing_more) {
+  const auto at = [](uint32_t sink, uint32_t sample, uint32_t seed, uint32_t slot) {
+    return sample_2d({sink, sample, seed, SamplerKind::independent}, slot);
+  };
+  std::vector<int> cells(64);
+  constexpr int kSamples = 64000;
+  double correlation = 0;
+  for (uint32_t i = 0; i < kSamples; ++i) {
+    const Float2 p = at(3, i, 0, 7), next = at(3, i + 1, 0, 7);
+    ASSERT_TRUE(p.x >= 0 && p.x < 1 && p.y >= 0 && p.y < 1);
+    ++cells[static_cast<size_t>(p.x * 8) * 8 + static_cast<size_t>(p.y * 8)];
+    correlation += 12 * (p.x - 0.5) * (next.x - 0.5) / kSamples;
+  }
+  double chi_square = 0;
+  for (const int n : cells) chi_square += (n - 1000.0) * (n - 1000.0) / 1000;
+  EXPECT_LT(chi_square, 120);  // 63 degrees of freedom: mean 63, deviation 11.2
+  EXPECT_GT(chi_square, 20);   // and no better than chance, as stratified points would be
+  EXPECT_LT(std::abs(correlation), 0.02);
+  const Float2 base = at(1, 2, 3, 4);
+  EXPECT_NE(base.x, at(2, 2, 3, 4).x);
+  EXPECT_NE(base.x, at(1, 3, 3, 4).x);
+  EXPECT_NE(base.x, at(1, 2, 4, 4).x);
+  EXPECT_NE(base.x, at(1, 2, 3, 5).x);
+}
+
 TEST(Sampler, one_sample_is_uniform_over_pixels) {
   std::vector<int> cells(64);
   constexpr int kSinks = 64000;

@@ -155,7 +155,7 @@ Status open(const Store& store, const ReferenceOptions& options, ReferenceState&
   }
   state.evaluator = std::make_unique<TextureEvaluator>(store.textures(), state.textures.get());
   const RenderSettings& render = options.settings.render;
-  state.inputs.settings = {store.light_table(), render.max_depth, render.seed};
+  state.inputs.settings = {store.light_table(), render.max_depth, render.seed, render.sampler};
   state.inputs.tables = {store.meshes(), store.materials(), state.evaluator.get()};
   state.inputs.instances = store.page_tree().instances;
   state.resolver = std::make_unique<MaterialResolver>(state.inputs.tables, render.seed);
@@ -180,7 +180,8 @@ Result<std::unique_ptr<Film>> render_reference(const Store& store, const Tracer&
   SPILLWAY_ASSIGN(Film empty, Film::create(film_shape(settings, options.aov_layers), film_identity(store, settings)));
   auto film = std::make_unique<Film>(std::move(empty));
   const uint32_t spp = settings.render.samples_per_pixel;
-  CameraRays camera(settings.camera, settings.filter, pixel_window(settings), settings.render.seed);
+  CameraRays camera(settings.camera, settings.filter, pixel_window(settings), settings.render.seed,
+                    settings.render.sampler);
   const Walker::Shared shared{tracer, state.inputs, *state.attributes, *film};
   tbb::enumerable_thread_specific<Walker> walkers([&] { return Walker(shared); });
   constexpr size_t kBatch = 1 << 16;

@@ -91,12 +91,25 @@ class Builder {
     return texture.value;
   }
 
-  Result<MaterialId> material(MaterialKind kind, Param reflectance, float roughness) {
+  // Solid noise, a quarter of a unit wide.
+  Result<Param> noise(TextureKind kind) {
+    TextureNode node;
+    node.kind = kind, node.mapping = TextureMapping::solid;
+    node.texture_from_world = {{{4, 0, 0, 0}, {0, 4, 0, 0}, {0, 0, 4, 0}}};
+    node.value[0] = 0.5f, node.value[1] = 6, node.value[2] = 1, node.value[3] = 2;
+    SPILLWAY_ASSIGN(const TextureId texture, packer_.add_texture(node));
+    Param param;
+    param.texture = texture.value;
+    return param;
+  }
+
+  Result<MaterialId> material(MaterialKind kind, Param reflectance, float roughness, Param base = {}) {
     Material m;
     m.kind = kind;
     m.reflectance = reflectance;
     m.remap_roughness = 0;
     m.u_roughness = m.v_roughness = constant(roughness, roughness, roughness);
+    m.base_u_roughness = m.base_v_roughness = base;
     m.conductor_eta = constant(0.2f, 0.9f, 1.1f), m.conductor_k = constant(3.9f, 2.4f, 2.2f);
     return packer_.add_material(m, "material");
   }
@@ -131,7 +144,8 @@ SceneSettings settings(const SmallSceneOptions& options) {
 }
 
 Status add_room(Builder& b, const Param& checks_param, uint32_t bumps) {
-  SPILLWAY_ASSIGN(const MaterialId walls, b.material(MaterialKind::diffuse, constant(0.7f, 0.6f, 0.5f), 0));
+  SPILLWAY_ASSIGN(const Param marble, b.noise(TextureKind::marble));
+  SPILLWAY_ASSIGN(const MaterialId walls, b.material(MaterialKind::diffuse, marble, 0));
   SPILLWAY_ASSIGN(const MaterialId floor, b.material(MaterialKind::coated_diffuse, checks_param, 0.1f));
   (void)bumps;
   SPILLWAY_TRY(b.mesh(grid({-2, 0, -2}, {4, 0, 0}, {0, 0, 4}, 24), floor));
@@ -141,10 +155,11 @@ Status add_room(Builder& b, const Param& checks_param, uint32_t bumps) {
 }
 
 Status add_objects(Builder& b, ScenePacker& packer) {
+  SPILLWAY_ASSIGN(const Param wrinkles, b.noise(TextureKind::wrinkled));
   SPILLWAY_ASSIGN(const MaterialId glass, b.material(MaterialKind::dielectric, {}, 0));
   SPILLWAY_ASSIGN(const MaterialId frosted, b.material(MaterialKind::dielectric, {}, 0.2f));
   SPILLWAY_ASSIGN(const MaterialId metal, b.material(MaterialKind::conductor, {}, 0.15f));
-  SPILLWAY_ASSIGN(const MaterialId coated_metal, b.material(MaterialKind::coated_conductor, {}, 0.05f));
+  SPILLWAY_ASSIGN(const MaterialId coated_metal, b.material(MaterialKind::coated_conductor, {}, 0.05f, wrinkles));
   SPILLWAY_TRY(b.mesh(sphere({-0.8f, 0.5f, 0.2f}, 0.5f, 24), glass));
   SPILLWAY_TRY(b.mesh(sphere({0.9f, 0.4f, 0.0f}, 0.4f, 24), metal));
   SPILLWAY_TRY(b.mesh(sphere({0.1f, 0.3f, -0.6f}, 0.3f, 16), frosted));

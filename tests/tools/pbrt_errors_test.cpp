@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <cmath>
 #include <string>
 #include <utility>
 #include <vector>
@@ -83,7 +85,7 @@ TEST(pbrt_errors, directives_belong_somewhere) {
       {"WorldBegin ObjectBegin \"a\" ObjectEnd ObjectBegin \"a\"", "scene.pbrt:1:50: object \"a\" is defined twice"},
       {"Identity", "scene.pbrt: no WorldBegin"},
       {"", "scene.pbrt: no WorldBegin"},
-      {"ColorSpace \"aces2065-1\"", "scene.pbrt:1:12: color space \"aces2065-1\" is not supported"},
+      {"ColorSpace \"adobe\"", "scene.pbrt:1:12: color space \"adobe\" is not known"},
       {"ActiveTransform StartTime", "scene.pbrt:1:17: ActiveTransform StartTime: motion"},
       {"TransformTimes 0 1", "scene.pbrt:1:1: TransformTimes: motion"},
       {"WorldBegin MediumInterface \"fog\" \"\"", "scene.pbrt:1:12: MediumInterface: media"},
@@ -117,6 +119,8 @@ TEST(pbrt_errors, transforms_must_have_an_inverse) {
 TEST(pbrt_errors, settings_are_checked) {
   expect_errors({
       {"Camera \"spherical\" WorldBegin", "scene.pbrt:1:8: camera \"spherical\" is not supported"},
+      {"Camera \"realistic\" WorldBegin", "scene.pbrt:1:8: camera \"realistic\" is not supported"},
+      {"Camera \"pinhole\" WorldBegin", "scene.pbrt:1:8: unknown camera \"pinhole\""},
       {"Camera \"perspective\" \"float fov\" 180 WorldBegin", "scene.pbrt:1:22: \"fov\" must be between 0 and 180"},
       {"Camera \"perspective\" \"float screenwindow\" [1 -1 0 1] WorldBegin",
        "scene.pbrt:1:22: \"screenwindow\" takes"},
@@ -137,7 +141,12 @@ TEST(pbrt_errors, settings_are_checked) {
       {"Sampler \"sobol\" \"integer pixelsamples\" 0 WorldBegin", "scene.pbrt:1:9: 0 samples a pixel"},
       {"Integrator \"magic\" WorldBegin", "scene.pbrt:1:12: integrator \"magic\" is not supported"},
       {"Integrator \"path\" \"integer maxdepth\" -1 WorldBegin", "scene.pbrt:1:12: \"maxdepth\" must be at least 0"},
-      {"Option \"bool forcediffuse\" true", "scene.pbrt:1:8: option \"bool forcediffuse\""},
+      {"Option \"forcediffuse\" \"yes\"", "scene.pbrt:1:23: option \"forcediffuse\" takes true or false"},
+      {"Option \"seed\" many", "scene.pbrt:1:15: "},
+      {"Option \"seed\" 1e10", "scene.pbrt:1:15: a seed of"},
+      {"Option \"seed\" [ 1 2 ]", "scene.pbrt:1:19: 2 where ] is expected"},
+      {"Option \"seed\"", "scene.pbrt:1:14: the end of the file where the value of an Option is expected"},
+      {"Option \"msereferenceimage\" 3", "scene.pbrt:1:28: option \"msereferenceimage\" takes a string"},
       {"Option \"integer sead\" 3", "scene.pbrt:1:8: option \"integer sead\" is not known"},
   });
 }
@@ -185,22 +194,25 @@ TEST(pbrt_errors, materials_are_checked) {
   };
   expect_errors({
       {with("\"hair\""), "scene.pbrt:2:10: material type \"hair\" is not supported"},
+      {with("\"subsurface\""), "scene.pbrt:2:10: material type \"subsurface\" is not supported"},
+      {with("\"measured\""), "scene.pbrt:2:10: material type \"measured\" is not supported"},
       {with("\"diffuse\" \"rgb reflectance\" [1 2 0]"), "scene.pbrt:2:20: \"reflectance\" must not be above 1"},
       {with("\"diffuse\" \"rgb reflectance\" [-1 0 0]"), "scene.pbrt:2:20: \"reflectance\" must not be negative"},
       {with("\"diffuse\" \"rgb reflectance\" [1 0]"), "scene.pbrt:2:20: \"rgb reflectance\" takes 3 values, not 2"},
       {with("\"diffuse\" \"float roughness\" 1"),
        "scene.pbrt:2:20: Material \"diffuse\" has no parameter \"float roughness\""},
-      {with("\"diffuse\" \"spectrum reflectance\" \"grass\""), "scene.pbrt:2:20: \"spectrum reflectance\" takes pairs"},
+      {with("\"diffuse\" \"spectrum reflectance\" \"grass\""), "scene.pbrt:2:20: spectrum \"grass\" is neither known"},
       {with("\"diffuse\" \"spectrum reflectance\" [500 1 500 1]"), "scene.pbrt:2:20: \"reflectance\" takes pairs"},
       {with("\"diffuse\" \"string normalmap\" \"n.png\" \"float displacement\" 1"),
        "scene.pbrt:2:20: a material takes \"normalmap\" or \"displacement\""},
       {with("\"diffusetransmission\" \"float scale\" -1"), "scene.pbrt:2:10: \"scale\" must not be negative"},
-      {with("\"conductor\" \"spectrum eta\" \"metal-Fe-eta\""), "scene.pbrt:2:22: unknown spectrum \"metal-Fe-eta\""},
+      {with("\"conductor\" \"spectrum eta\" \"metal-Fe-eta\""),
+       "scene.pbrt:2:22: spectrum \"metal-Fe-eta\" is neither"},
       {with("\"conductor\" \"rgb reflectance\" [1 1 1] \"rgb k\" [1 1 1]"),
        "scene.pbrt:2:48: Material \"conductor\" has no parameter \"rgb k\", or has no use"},
       {with("\"conductor\" \"spectrum k\" [500 1 400 1]"), "scene.pbrt:2:22: \"k\" takes pairs of wavelength"},
       {with("\"dielectric\" \"float eta\" 0"), "scene.pbrt:2:23: \"eta\" must be above 0"},
-      {with("\"dielectric\" \"spectrum eta\" \"glass-X\""), "scene.pbrt:2:23: unknown glass \"glass-X\""},
+      {with("\"dielectric\" \"spectrum eta\" \"glass-X\""), "scene.pbrt:2:23: spectrum \"glass-X\" is neither"},
       {with("\"mix\""), "scene.pbrt:2:10: material \"mix\" without \"string materials\""},
       {with("\"mix\" \"string materials\" [\"a\" \"b\"]"), "scene.pbrt:2:16: there is no material \"a\""},
   });
@@ -212,10 +224,20 @@ TEST(pbrt_errors, textures_are_checked) {
            "\nMaterial \"diffuse\" \"texture reflectance\" \"t\"\n" + std::string(kTriangle);
   };
   expect_errors({
-      {with("\"marble\""), "scene.pbrt:2:24: texture type \"marble\" of \"t\" is not supported"},
+      {with("\"ptex\""), "scene.pbrt:2:24: texture type \"ptex\" of \"t\" is not supported"},
+      {with("\"fbm\""), "scene.pbrt:2:24: texture type \"fbm\" of \"t\" is not supported for spectrum textures"},
+      {with("\"marble\" \"integer octaves\" 33"), "scene.pbrt:2:24: 33 octaves of noise"},
+      {with("\"marble\" \"integer octaves\" -1"), "scene.pbrt:2:24: -1 octaves of noise"},
+      {with("\"directionmix\" \"vector3 dir\" [0 0 0]"), "scene.pbrt:2:24: \"dir\" of a directionmix"},
+      {with("\"checkerboard\" \"integer dimension\" 4"), "scene.pbrt:2:24: a checkerboard of 4 dimensions"},
+      {"WorldBegin Scale 1e-40 1 1\nTexture \"t\" \"spectrum\" \"marble\"\nMaterial \"diffuse\" \"texture "
+       "reflectance\" "
+       "\"t\" " +
+           std::string(kTriangle),
+       "scene.pbrt:2:24: the transform of this texture is too small"},
       {with("\"imagemap\""), "scene.pbrt:2:24: imagemap without \"string filename\""},
-      {with("\"imagemap\" \"string filename\" \"a.png\" \"string mapping\" \"planar\""),
-       "scene.pbrt:2:61: mapping \"planar\" is not supported"},
+      {with("\"imagemap\" \"string filename\" \"a.png\" \"string mapping\" \"cubic\""),
+       "scene.pbrt:2:61: mapping \"cubic\" is not known"},
       {with("\"imagemap\" \"string filename\" \"a.png\" \"string wrap\" \"octahedralsphere\""),
        "scene.pbrt:2:61: wrap"},
       {with("\"imagemap\" \"string filename\" \"a.png\" \"string filter\" \"box\""), "scene.pbrt:2:61: unknown filter"},
@@ -228,20 +250,23 @@ TEST(pbrt_errors, textures_are_checked) {
 TEST(pbrt_errors, lights_are_checked) {
   expect_errors({
       {"WorldBegin LightSource \"projection\"", "scene.pbrt:1:24: light \"projection\" is not supported"},
+      {"WorldBegin LightSource \"goniometric\" \"string filename\" \"a.exr\"",
+       "scene.pbrt:1:24: light \"goniometric\" with an image is not supported"},
+      {"WorldBegin LightSource \"laser\"", "scene.pbrt:1:24: light \"laser\" is not known"},
       {"WorldBegin LightSource \"infinite\" \"string filename\" \"a.exr\" \"float illuminance\" 1",
        "scene.pbrt:1:61: \"illuminance\" of an image"},
       {"WorldBegin LightSource \"point\" \"rgb L\" [1 1 1]",
        "scene.pbrt:1:32: LightSource \"point\" has no parameter \"rgb L\""},
       {"WorldBegin LightSource \"point\" \"rgb I\" [1 1 -1]", "scene.pbrt:1:32: \"I\" must not be negative"},
       {"WorldBegin LightSource \"point\" \"blackbody I\" 3", "scene.pbrt:1:32: \"blackbody I\" takes 500"},
-      {"WorldBegin LightSource \"point\" \"spectrum I\" \"stdillum-F7\"",
-       "scene.pbrt:1:32: spectrum \"stdillum-F7\" is not known"},
+      {"WorldBegin LightSource \"point\" \"spectrum I\" \"stdillum-F13\"",
+       "scene.pbrt:1:32: spectrum \"stdillum-F13\" is neither known"},
       {"WorldBegin LightSource \"distant\" \"point3 from\" [0 0 1]", "scene.pbrt:1:24: \"from\" and \"to\""},
       {"WorldBegin LightSource \"spot\" \"float coneangle\" 0", "scene.pbrt:1:24: a spot takes a coneangle"},
       {"WorldBegin LightSource \"point\" \"float scale\" -1", "scene.pbrt:1:32: \"scale\" of a light"},
       {"WorldBegin AreaLightSource \"projective\"", "scene.pbrt:1:28: area light \"projective\""},
       {"WorldBegin AreaLightSource \"diffuse\" \"string filename\" \"a\"",
-       "scene.pbrt:1:38: area lights with an image"},
+       "scene.pbrt:1:38: an area light with an image is not supported"},
   });
 }
 
@@ -327,9 +352,35 @@ TEST(pbrt_errors, lenient_leaves_out_what_can_be_left_out) {
   const Imported imported = import_text(text, true);
   EXPECT_EQ(imported.error, "");
   EXPECT_EQ(imported.report.warning_count, 7u);
+  for (const char* stand_in :
+       {"a \"spot\" as wide as its field of view is used", "nothing is used", "a grey diffuse one is used"}) {
+    const auto& warnings = imported.report.warnings;
+    EXPECT_TRUE(std::any_of(warnings.begin(), warnings.end(), [&](const std::string& w) {
+      return w.find(stand_in) != w.npos;
+    })) << stand_in;
+  }
   EXPECT_EQ(imported.sink.meshes.size(), 1u);  // the curve is left out, the interface is not seen
   ASSERT_EQ(imported.sink.materials.size(), 1u);
   EXPECT_EQ(imported.sink.materials[0].kind, pipeline::MaterialKind::diffuse);
+}
+
+TEST(pbrt_errors, lenient_replaces_lights_and_cameras) {
+  const Imported imported = import_text(
+      "Camera \"realistic\" \"string lensfile\" \"a.dat\" WorldBegin\n"
+      "LightSource \"projection\" \"float fov\" 60 \"float scale\" 2\n"
+      "Translate 1 2 3 LightSource \"goniometric\" \"string filename\" \"a.exr\" \"rgb I\" [4 5 6]",
+      true);
+  ASSERT_EQ(imported.error, "");
+  EXPECT_EQ(imported.report.warning_count, 3u);
+  EXPECT_EQ(imported.sink.settings.camera.is_orthographic, 0u);
+  ASSERT_EQ(imported.sink.lights.size(), 2u);
+  EXPECT_EQ(imported.sink.lights[0].kind, shading::LightKind::spot);
+  EXPECT_NEAR(imported.sink.lights[0].cos_total, std::cos(M_PI / 6), 1e-6);
+  EXPECT_EQ(imported.sink.lights[0].radiance.g, 2);
+  EXPECT_EQ(imported.sink.lights[0].edge1.z, 1);
+  EXPECT_EQ(imported.sink.lights[1].kind, shading::LightKind::point);
+  EXPECT_EQ(imported.sink.lights[1].radiance.b, 6);
+  EXPECT_EQ(imported.sink.lights[1].position.z, 3);
 }
 
 TEST(pbrt_errors, what_the_sink_refuses_is_said_at_the_shape) {

@@ -129,6 +129,107 @@ TEST(pbrt, checkerboards_and_bilerps_have_pbrts_defaults) {
   for (int c = 0; c < 4; ++c) EXPECT_EQ(textures[bilerp.child[c]].value[0], wanted[c]);
 }
 
+pipeline::TextureNode texture_of(const std::string& before, const std::string& value, const std::string& text,
+                                 Imported* result = nullptr) {
+  Imported imported =
+      import_world(before + "\nTexture \"t\" \"" + value + "\" " + text + "\nMaterial \"diffuse\" " +
+                   (value == "float" ? "\"texture displacement\"" : "\"texture reflectance\"") + " \"t\"\n" + kTri);
+  EXPECT_EQ(imported.error, "") << text;
+  const pipeline::TextureNode node =
+      imported.sink.textures.empty() ? pipeline::TextureNode{} : imported.sink.textures.back();
+  if (result != nullptr) *result = std::move(imported);
+  return node;
+}
+
+TEST(pbrt, textures_of_noise_have_pbrts_defaults) {
+  const auto fbm = texture_of("", "float", "\"fbm\""),
+             wrinkled = texture_of("", "float", "\"wrinkled\" \"integer octaves\" 3 \"float roughness\" 0.75");
+  EXPECT_EQ(fbm.kind, TextureKind::fbm);
+  EXPECT_EQ(fbm.mapping, pipeline::TextureMapping::solid);
+  EXPECT_EQ(fbm.value[0], 0.5f);
+  EXPECT_EQ(fbm.value[1], 8);
+  EXPECT_EQ(wrinkled.kind, TextureKind::wrinkled);
+  EXPECT_EQ(wrinkled.value[0], 0.75f);
+  EXPECT_EQ(wrinkled.value[1], 3);
+  EXPECT_EQ(texture_of("", "float", "\"windy\"").kind, TextureKind::windy);
+  const auto marble = texture_of("", "spectrum", "\"marble\"");
+  EXPECT_EQ(marble.kind, TextureKind::marble);
+  EXPECT_EQ(marble.value[2], 1);
+  EXPECT_EQ(marble.value[3], 0.2f);
+  Imported dotted;
+  const auto dots = texture_of("", "spectrum", "\"dots\" \"rgb outside\" [0.1 0.2 0.3] \"float vscale\" 5", &dotted);
+  EXPECT_EQ(dots.kind, TextureKind::dots);
+  EXPECT_EQ(dots.uv_scale[1], 5);
+  EXPECT_EQ(dotted.sink.textures[dots.child[0]].value[1], 1);
+  EXPECT_EQ(dotted.sink.textures[dots.child[1]].value[1], 0.2f);
+}
+
+// Texture space is the one where the texture was defined, wherever its shapes are.
+TEST(pbrt, textures_by_place_keep_the_transform_of_their_definition) {
+  const std::string moved = "AttributeBegin Translate 5 0 0 Scale 2 2 4 ";
+  const auto at = [](const pipeline::TextureNode& node, Float3 p) { return node.texture_from_world.point(p); };
+  const auto fbm = texture_of(moved, "float", "\"fbm\" AttributeEnd");
+  expect_near(at(fbm, {7, 2, 8}), {1, 1, 2});
+  const auto sphere = texture_of(moved, "spectrum", "\"checkerboard\" \"string mapping\" \"spherical\" AttributeEnd");
+  EXPECT_EQ(sphere.mapping, pipeline::TextureMapping::spherical);
+  expect_near(at(sphere, {7, 2, 8}), {1, 1, 2});
+  EXPECT_EQ(texture_of("", "spectrum", "\"dots\" \"string mapping\" \"cylindrical\"").mapping,
+            pipeline::TextureMapping::cylindrical);
+  const auto solid = texture_of(moved, "spectrum", "\"checkerboard\" \"integer dimension\" 3 AttributeEnd");
+  EXPECT_EQ(solid.mapping, pipeline::TextureMapping::solid);
+  expect_near(at(solid, {7, 2, 8}), {1, 1, 2});
+  const auto plane = texture_of(moved, "spectrum",
+                                "\"bilerp\" \"string mapping\" \"planar\" \"vector3 v1\" [0 0 2] "
+                                "\"vector3 v2\" [3 0 0] \"float udelta\" 0.5 \"float vdelta\" -1 AttributeEnd");
+  EXPECT_EQ(plane.mapping, pipeline::TextureMapping::planar);
+  expect_near(at(plane, {7, 2, 8}), {2 * 2 + 0.5f, 3 * 1 - 1, 0});
+  const auto mix = texture_of(moved, "spectrum", "\"directionmix\" \"vector3 dir\" [1 0 1] AttributeEnd");
+  EXPECT_EQ(mix.kind, TextureKind::direction_mix);
+  expect_near({mix.value[0], mix.value[1], mix.value[2]}, normalize(Float3{2, 0, 4}));
+}
+
+TEST(pbrt, colors_of_wide_spaces_are_brought_into_rec709) {
+  const auto reflectance = [](const std::string& space, const std::string& rgb, Imported* result = nullptr) {
+    Imported imported =
+        import_world("ColorSpace \"" + space + "\" Material \"diffuse\" \"rgb reflectance\" [" + rgb + "]\n" + kTri);
+    EXPECT_EQ(imported.error, "");
+    const Rgb color = imported.sink.materials.empty() ? Rgb{} : imported.sink.materials[0].reflectance.constant;
+    if (result != nullptr) *result = std::move(imported);
+    return color;
+  };
+  Imported quiet, warned;
+  expect_rgb(reflectance("rec2020", "0.5 0.5 0.5", &quiet), {0.5f, 0.5f, 0.5f}, 1e-4f);
+  EXPECT_EQ(quiet.report.warning_count, 0u);
+  expect_rgb(reflectance("rec2020", "0 1 0", &warned), {0, 1, 0}, 1e-4f);  // (-0.588, 1.133, -0.101)
+  EXPECT_TRUE(has_warning(warned, "lies outside of Rec. 709"));
+  expect_rgb(reflectance("aces2065-1", "0.5 0.5 0.5"), {0.5f, 0.5f, 0.5f}, 1e-4f);  // white stays white on a surface
+  expect_rgb(reflectance("dci-p3", "0.5 0.4 0.3"), {0.5225f, 0.3958f, 0.2882f}, 1e-3f);
+  const Imported light = import_world(
+      "AttributeBegin ColorSpace \"aces2065-1\" LightSource \"point\" \"rgb I\" [1 1 1] AttributeEnd\n"
+      "LightSource \"point\" \"rgb I\" [1 1 1]");
+  ASSERT_EQ(light.error, "");
+  // The white of D60 is a warm one.
+  EXPECT_GT(light.sink.lights[0].radiance.r, 1.02f);
+  EXPECT_LT(light.sink.lights[0].radiance.b, 0.95f);
+  EXPECT_NEAR(luminance(light.sink.lights[0].radiance), 1, 1e-3);
+  expect_rgb(light.sink.lights[1].radiance, {1, 1, 1});
+}
+
+TEST(pbrt, spectra_may_lie_in_files) {
+  write_file("lamp.spd", "# measured\n300 5\n900 5\n");
+  write_file("bad.spd", "300 5\n900 x\n");
+  const Imported imported = import_world(
+      "LightSource \"point\" \"spectrum I\" \"lamp.spd\"\n"
+      "LightSource \"point\" \"spectrum I\" [300 5 900 5]\n"
+      "LightSource \"point\" \"spectrum I\" \"stdillum-F11\"");
+  ASSERT_EQ(imported.error, "");
+  ASSERT_EQ(imported.sink.lights.size(), 3u);
+  EXPECT_EQ(imported.sink.lights[0].radiance, imported.sink.lights[1].radiance);
+  EXPECT_NEAR(luminance(imported.sink.lights[2].radiance), 1, 1e-5);
+  EXPECT_NE(import_world("LightSource \"point\" \"spectrum I\" \"bad.spd\"").error.find("bad.spd:2:5:"),
+            std::string::npos);
+}
+
 TEST(pbrt, roughness_is_for_both_axes_unless_they_are_given) {
   const auto one = material_of("\"dielectric\" \"float roughness\" 0.3 \"bool remaproughness\" false");
   EXPECT_EQ(one.u_roughness.constant.r, 0.3f);

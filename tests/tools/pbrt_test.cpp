@@ -154,7 +154,7 @@ TEST(pbrt, five_filters_have_their_defaults) {
 }
 
 TEST(pbrt, samplers_and_integrators_are_mapped_with_a_warning) {
-  for (const char* name : {"zsobol", "halton", "independent", "paddedsobol", "pmj02bn"}) {
+  for (const char* name : {"zsobol", "halton", "paddedsobol", "pmj02bn"}) {
     const Imported imported =
         import_text(fmt::format("Sampler \"{}\" \"integer pixelsamples\" 9 \"integer seed\" 4\nWorldBegin", name));
     ASSERT_EQ(imported.error, "");
@@ -182,6 +182,30 @@ TEST(pbrt, options_are_known) {
       "Accelerator \"kdtree\" \"integer maxdepth\" 3\nColorSpace \"srgb\"\nWorldBegin");
   EXPECT_EQ(imported.error, "");
   EXPECT_EQ(imported.sink.settings.render.seed, 7u);
+  EXPECT_EQ(imported.report.warning_count, 0u);
+}
+
+// As pbrt writes and compares them: a name, and a value.
+TEST(pbrt, options_have_a_name_and_a_value) {
+  const Imported quiet = import_text(
+      "Option \"seed\" -3\nOption \"wavefront\" true\nOption \"Render_Coord-Sys\" \"camera\"\nOption \"pixelstats\" "
+      "true\n"
+      "Option \"msereferenceimage\" \"a.exr\"\nOption \"msereferenceout\" \"b.txt\"\n"
+      "Option \"disablewavelengthjitter\" true\nOption \"disablepixeljitter\" false\nWorldBegin");
+  EXPECT_EQ(quiet.error, "");
+  EXPECT_EQ(quiet.report.warning_count, 0u);
+  EXPECT_EQ(quiet.sink.settings.render.seed, static_cast<uint32_t>(-3));
+  const Imported warned = import_text(
+      "Option \"disablepixeljitter\" true\nOption \"disabletexturefiltering\" true\nOption \"forcediffuse\" true\n"
+      "Option \"displacementedgescale\" 2\nWorldBegin");
+  EXPECT_EQ(warned.error, "");
+  EXPECT_EQ(warned.report.warning_count, 4u);
+}
+
+TEST(pbrt, independent_samples_can_be_asked_for) {
+  EXPECT_EQ(import_text("Sampler \"independent\" \"integer pixelsamples\" 9 WorldBegin").sink.settings.render.sampler,
+            shading::SamplerKind::independent);
+  EXPECT_EQ(import_text("Sampler \"halton\" WorldBegin").sink.settings.render.sampler, shading::SamplerKind::sobol);
 }
 
 // ---- transforms and scopes ----

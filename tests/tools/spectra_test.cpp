@@ -5,6 +5,9 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <string>
+
+#include "tools/import/color_space.h"
 
 namespace spillway::tools {
 namespace {
@@ -72,6 +75,43 @@ TEST(spectra, light_spectra_are_integrated) {
   EXPECT_NEAR(luminance(*rgb), 1, 1e-6f);
   const float infrared[] = {900, 1, 1000, 1};
   EXPECT_FALSE(light_rgb(infrared).has_value());
+}
+
+TEST(spectra, standard_illuminants_have_their_chromaticities) {
+  struct {
+    const char* name;
+    Chromaticity want;
+  } cases[] = {{"stdillum-A", {0.4476, 0.4074}},   {"stdillum-D50", {0.3457, 0.3585}},
+               {"stdillum-D65", {0.3127, 0.3290}}, {"stdillum-F2", {0.3721, 0.3751}},
+               {"stdillum-F11", {0.3805, 0.3769}}, {"illum-acesD60", {0.3217, 0.3377}}};
+  for (const auto& c : cases) {
+    const auto rgb = illuminant_rgb(c.name);
+    ASSERT_TRUE(rgb.has_value()) << c.name;
+    EXPECT_NEAR(chromaticity(*rgb).x, c.want.x, 3e-4) << c.name;  // four digits of the published matrix and values
+    EXPECT_NEAR(chromaticity(*rgb).y, c.want.y, 3e-4) << c.name;
+    EXPECT_NEAR(luminance(*rgb), 1, 1e-4f) << c.name;
+  }
+  for (int i = 1; i <= 12; ++i) EXPECT_TRUE(illuminant_rgb("stdillum-F" + std::to_string(i)).has_value()) << i;
+  EXPECT_FALSE(illuminant_rgb("stdillum-F13").has_value());
+}
+
+TEST(spectra, color_spaces_are_converted_by_the_published_matrices) {
+  const auto expect_column = [](Rgb got, double r, double g, double b) {
+    EXPECT_NEAR(got.r, r, 6e-4);
+    EXPECT_NEAR(got.g, g, 6e-4);
+    EXPECT_NEAR(got.b, b, 6e-4);
+  };
+  // ITU-R BT.2407, annex 2: BT.2020 to BT.709.
+  expect_column(surface_rec709(ColorSpace::rec2020, {1, 0, 0}), 1.6605, -0.1246, -0.0182);
+  expect_column(light_rec709(ColorSpace::rec2020, {0, 1, 0}), -0.5876, 1.1329, -0.1006);
+  expect_column(light_rec709(ColorSpace::rec2020, {0, 0, 1}), -0.0728, -0.0083, 1.1187);
+  expect_column(light_rec709(ColorSpace::dci_p3, {1, 0, 0}), 1.2249, -0.0420, -0.0197);
+  // AMPAS, ACES to linear Rec. 709 with Bradford's adaptation of D60 to D65.
+  expect_column(surface_rec709(ColorSpace::aces2065_1, {1, 0, 0}), 2.5217, -0.2765, -0.0154);
+  expect_column(surface_rec709(ColorSpace::aces2065_1, {0, 1, 0}), -1.1341, 1.3727, -0.1530);
+  expect_column(surface_rec709(ColorSpace::aces2065_1, {0, 0, 1}), -0.3876, -0.0962, 1.1684);
+  expect_column(surface_rec709(ColorSpace::aces2065_1, {1, 1, 1}), 1, 1, 1);
+  EXPECT_FALSE(color_space("adobe").has_value());
 }
 
 double normal_reflectance(float eta, float k) {

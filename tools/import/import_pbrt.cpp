@@ -8,6 +8,8 @@
 #include <utility>
 #include <vector>
 
+#include "tools/import/attributes.h"
+#include "tools/import/color_space.h"
 #include "tools/import/lights.h"
 #include "tools/import/materials.h"
 #include "tools/import/params.h"
@@ -27,17 +29,14 @@ constexpr size_t kMaxIncludeDepth = 32, kMaxAttributeDepth = 1024;
 // Files opened in all: a file that includes the next one twice, and so on, doubles at each step.
 constexpr size_t kMaxIncludes = 100000;
 
-// What Attribute directives add to later directives of one kind.
-enum Target : size_t { kShapeTarget, kLightTarget, kMaterialTarget, kMediumTarget, kTextureTarget, kTargetCount };
-constexpr std::array<std::string_view, kTargetCount> kTargetNames = {"shape", "light", "material", "medium", "texture"};
-
 struct GraphicsState {
   Transform transform;  // the current one: world from shape (before WorldBegin: camera from world)
   bool reverse_orientation = false;
   std::shared_ptr<MaterialDefinition> material;  // none: look up the name
   Token material_name;
   std::optional<AreaEmission> emission;
-  std::array<std::shared_ptr<const ParamList>, kTargetCount> attributes;
+  Attributes attributes;
+  ColorSpace color_space = ColorSpace::srgb;
 };
 
 struct OpenScope {
@@ -187,25 +186,13 @@ class Importer {
 
   Status attribute(Tokenizer& tokens, const Token& directive) {
     SPILLWAY_ASSIGN(const Token target, read_string_token(tokens, directive.text));
-    SPILLWAY_ASSIGN(ParamList added, read_params(tokens));
-    const auto at = std::find(kTargetNames.begin(), kTargetNames.end(), target.text);
-    if (at == kTargetNames.end()) {
-      return error_at(target.place,
-                      "unknown target {}: use \"shape\", \"light\", \"material\", \"medium\" or \"texture\"",
-                      to_string(target));
-    }
-    std::shared_ptr<const ParamList>& kept = state_.attributes[static_cast<size_t>(at - kTargetNames.begin())];
-    if (kept) added.inherit(*kept);  // what is said later wins
-    if (added.parameters.size() > kMaxParameters) {
-      return error_at(target.place, "more than {} attributes of one kind", kMaxParameters);
-    }
-    kept = std::make_shared<const ParamList>(std::move(added));
-    return {};
+    SPILLWAY_ASSIGN(ParamList added, read_params(tokens, state_.color_space));
+    return state_.attributes.add(target, std::move(added));
   }
 
   Result<ParamList> params_with_attributes(Tokenizer& tokens, Target target) {
-    SPILLWAY_ASSIGN(ParamList params, read_params(tokens));
-    if (state_.attributes[target]) params.inherit(*state_.attributes[target]);
+    SPILLWAY_ASSIGN(ParamList params, read_params(tokens, state_.color_space));
+    state_.attributes.extend(target, params);
     return params;
   }
 
@@ -274,18 +261,24 @@ class Importer {
     return wait(tokens, directive, ignored);
   }
 
-  Status option(Tokenizer& tokens, const Token&) {
-    SPILLWAY_ASSIGN(const ParamList params, read_params(tokens));
-    return read_option(session_, params, options_);
+  Status option(Tokenizer& tokens, const Token& directive) {
+    return read_option(session_, tokens, directive, options_);
   }
 
-  Status color_space(Tokenizer& tokens, const Token& directive) {
+  Status set_color_space(Tokenizer& tokens, const Token& directive) {
     SPILLWAY_ASSIGN(const Token name, read_string_token(tokens, directive.text));
-    if (name.text == "srgb") return {};
-    return error_at(name.place, "color space {} is not supported: use \"srgb\"", to_string(name));
+    const std::optional<ColorSpace> known = color_space(name.text);
+    if (!known) {
+      return error_at(name.place,
+                      "color space {} is not known: use \"srgb\", \"dci-p3\", \"rec2020\" or \"aces2065-1\"",
+                      to_string(name));
+    }
+    state_.color_space = *known;
+    return {};
   }
 
   Status world_begin(Tokenizer&, const Token& directive) {
+    options_.color_space = state_.color_space;
     SPILLWAY_ASSIGN(const pipeline::SceneSettings settings, build_settings(session_, options_, directive.place));
     session_.sink.set_settings(settings);
     in_world_ = true;
@@ -320,17 +313,17 @@ class Importer {
     SPILLWAY_ASSIGN(const Token name, read_string_token(tokens, directive.text));
     SPILLWAY_ASSIGN(const Token value, read_string_token(tokens, directive.text));
     SPILLWAY_ASSIGN(const Token type, read_string_token(tokens, directive.text));
-    SPILLWAY_ASSIGN(ParamList params, params_with_attributes(tokens, kTextureTarget));
+    SPILLWAY_ASSIGN(ParamList params, params_with_attributes(tokens, Target::texture));
     if (value.text != "float" && value.text != "spectrum") {
       return error_at(value.place, "a texture holds \"float\" or \"spectrum\", not {}", to_string(value));
     }
     const TextureValue kind = value.text == "float" ? TextureValue::real : TextureValue::spectrum;
-    return textures_.define(kind, name, type.text, std::move(params), type.place);
+    return textures_.define(kind, name, type.text, std::move(params), type.place, state_.transform);
   }
 
   Status material(Tokenizer& tokens, const Token& directive) {
     SPILLWAY_ASSIGN(const Token type, read_string_token(tokens, directive.text));
-    SPILLWAY_ASSIGN(ParamList params, params_with_attributes(tokens, kMaterialTarget));
+    SPILLWAY_ASSIGN(ParamList params, params_with_attributes(tokens, Target::material));
     state_.material = std::make_shared<MaterialDefinition>();
     state_.material->type = type.text;
     state_.material->params = std::move(params);
@@ -340,7 +333,7 @@ class Importer {
 
   Status make_named_material(Tokenizer& tokens, const Token& directive) {
     SPILLWAY_ASSIGN(const Token name, read_string_token(tokens, directive.text));
-    SPILLWAY_ASSIGN(ParamList params, params_with_attributes(tokens, kMaterialTarget));
+    SPILLWAY_ASSIGN(ParamList params, params_with_attributes(tokens, Target::material));
     return materials_.define(name, std::move(params), name.place);
   }
 
@@ -352,14 +345,14 @@ class Importer {
 
   Status area_light(Tokenizer& tokens, const Token& directive) {
     SPILLWAY_ASSIGN(const Token type, read_string_token(tokens, directive.text));
-    SPILLWAY_ASSIGN(const ParamList params, params_with_attributes(tokens, kLightTarget));
+    SPILLWAY_ASSIGN(const ParamList params, params_with_attributes(tokens, Target::light));
     SPILLWAY_ASSIGN(state_.emission, read_area_light(session_, type.text, params, type.place));
     return {};
   }
 
   Status light(Tokenizer& tokens, const Token& directive) {
     SPILLWAY_ASSIGN(const Token type, read_string_token(tokens, directive.text));
-    SPILLWAY_ASSIGN(const ParamList params, params_with_attributes(tokens, kLightTarget));
+    SPILLWAY_ASSIGN(const ParamList params, params_with_attributes(tokens, Target::light));
     return add_light(session_, type.text, params, type.place, state_.transform);
   }
 
@@ -367,10 +360,9 @@ class Importer {
 
   Status shape(Tokenizer& tokens, const Token& directive) {
     SPILLWAY_ASSIGN(const Token type, read_string_token(tokens, directive.text));
-    SPILLWAY_ASSIGN(const ParamList params, params_with_attributes(tokens, kShapeTarget));
+    SPILLWAY_ASSIGN(const ParamList params, params_with_attributes(tokens, Target::shape));
     if (!is_supported_shape(type.text)) {
-      return session_.ignorable(type.place, "shape {} is not supported: make it a mesh",
-                                to_string(type));
+      return session_.replaced(type.place, fmt::format("shape {}", to_string(type)), "nothing");
     }
     if (!state_.material) {
       SPILLWAY_ASSIGN(state_.material, materials_.find(state_.material_name.text, state_.material_name.place));
@@ -498,7 +490,7 @@ const std::array<Importer::Directive, 40> Importer::kDirectives = {{
     {"Sampler", Where::options, &Importer::sampler},
     {"Integrator", Where::options, &Importer::integrator},
     {"Option", Where::options, &Importer::option},
-    {"ColorSpace", Where::anywhere, &Importer::color_space},
+    {"ColorSpace", Where::anywhere, &Importer::set_color_space},
     {"Accelerator", Where::options, &Importer::accelerator},
     {"MakeNamedMedium", Where::anywhere, &Importer::named_medium},
     {"MediumInterface", Where::anywhere, &Importer::medium_interface},

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <optional>
 
-#include "tools/import/spectra.h"
+#include "tools/import/colors.h"
 #include "tools/import/textures.h"
 
 namespace spillway::tools {
@@ -17,43 +17,6 @@ constexpr float kPi = 3.14159265358979f;
 
 Float3 rounded(Vec3 v) { return {static_cast<float>(v.x), static_cast<float>(v.y), static_cast<float>(v.z)}; }
 Vec3 widened(Float3 v) { return {v.x, v.y, v.z}; }
-
-Result<Rgb> rgb_color(const Parameter& rgb) {
-  SPILLWAY_TRY(expect_count(rgb, rgb.numbers.size(), 3));
-  const Rgb color{rgb.numbers[0], rgb.numbers[1], rgb.numbers[2]};
-  if (std::min({color.r, color.g, color.b}) >= 0) return color;
-  return error_at(rgb.place, "\"{}\" must not be negative", rgb.name);
-}
-
-Result<Rgb> blackbody_color(const Parameter& body) {
-  SPILLWAY_TRY(expect_count(body, body.numbers.size(), 1));
-  // Colder bodies do not glow, and hotter ones look the same (Rayleigh-Jeans).
-  constexpr float kColdest_kelvin = 500, kHottest_kelvin = 1e6f;
-  const float kelvin = body.numbers[0];
-  if (kelvin >= kColdest_kelvin && kelvin <= kHottest_kelvin) return blackbody_rgb(kelvin);
-  return error_at(body.place, "\"blackbody {}\" takes {} to {} kelvin", body.name, kColdest_kelvin, kHottest_kelvin);
-}
-
-Result<Rgb> spectrum_color(const Parameter& spectrum) {
-  if (spectrum.strings.empty()) {
-    if (spectrum.numbers.size() % 2 == 0) {
-      if (const std::optional<Rgb> rgb = light_rgb(spectrum.numbers)) return *rgb;
-    }
-    return error_at(spectrum.place, "\"spectrum {}\" takes pairs of wavelength (nm) and value, some of it visible",
-                    spectrum.name);
-  }
-  if (spectrum.strings[0] == "stdillum-D65") return Rgb{1, 1, 1};  // the white of the colour space
-  return error_at(spectrum.place, "spectrum \"{}\" is not known for lights: give rgb or blackbody",
-                  spectrum.strings[0]);
-}
-
-// A light's spectrum as RGB. pbrt scales what is not RGB to luminance 1; the default is the colour space's white.
-Result<Rgb> light_color(const ParamList& params, std::string_view name) {
-  if (const Parameter* rgb = params.find(ParamType::rgb, name)) return rgb_color(*rgb);
-  if (const Parameter* body = params.find(ParamType::blackbody, name)) return blackbody_color(*body);
-  if (const Parameter* spectrum = params.find(ParamType::spectrum, name)) return spectrum_color(*spectrum);
-  return Rgb{1, 1, 1};
-}
 
 Result<float> read_scale(const ParamList& params) {
   SPILLWAY_ASSIGN(const float scale, params.real("scale", 1));
@@ -77,9 +40,9 @@ Result<Float3> unit_axis(const ParamList& params, Place place, const Transform& 
   return rounded({axis.x / size, axis.y / size, axis.z / size});
 }
 
-Status read_point(const ParamList& params, const Transform& world_from_light, Light& light) {
+Status read_point(Session& session, const ParamList& params, const Transform& world_from_light, Light& light) {
   light.kind = LightKind::point;
-  SPILLWAY_ASSIGN(light.radiance, light_color(params, "I"));
+  SPILLWAY_ASSIGN(light.radiance, light_color(session, params, "I"));
   SPILLWAY_ASSIGN(const Float3 from, params.point3("from", {0, 0, 0}));
   light.position = rounded(world_from_light.point(widened(from)));
   SPILLWAY_ASSIGN(const float power, params.real("power", -1));
@@ -101,7 +64,7 @@ Status read_cone(const ParamList& params, Place place, Light& light) {
 
 Status read_spot(Session& session, const ParamList& params, Place place, const Transform& world_from_light,
                  Light& light) {
-  SPILLWAY_TRY(read_point(params, world_from_light, light));
+  SPILLWAY_TRY(read_point(session, params, world_from_light, light));
   light.kind = LightKind::spot;
   SPILLWAY_ASSIGN(light.edge1, unit_axis(params, place, world_from_light));
   SPILLWAY_TRY(read_cone(params, place, light));
@@ -116,9 +79,31 @@ Status read_spot(Session& session, const ParamList& params, Place place, const T
   return {};
 }
 
-Status read_distant(const ParamList& params, Place place, const Transform& world_from_light, Light& light) {
+// Without an image a goniometric light is a point.
+Status read_goniometric(Session& session, const ParamList& params, Place place, const Transform& world_from_light,
+                        Light& light) {
+  if (params.find(ParamType::string, "filename") != nullptr)
+    SPILLWAY_TRY(session.replaced(place, "light \"goniometric\" with an image", "a \"point\""));
+  return read_point(session, params, world_from_light, light);
+}
+
+Status read_projection(Session& session, const ParamList& params, Place place, const Transform& world_from_light,
+                       Light& light) {
+  SPILLWAY_TRY(session.replaced(place, "light \"projection\"", "a \"spot\" as wide as its field of view"));
+  (void)params.find(ParamType::string, "filename");
+  SPILLWAY_ASSIGN(const float fov_deg, params.real("fov", 90));
+  if (!(fov_deg > 0 && fov_deg < 180)) return error_at(place, "\"fov\" must be between 0 and 180 degrees");
+  SPILLWAY_TRY(read_point(session, params, world_from_light, light));
+  light.kind = LightKind::spot;
+  SPILLWAY_ASSIGN(light.edge1, unit_axis(params, place, world_from_light));
+  light.cos_total = light.cos_falloff = std::cos(fov_deg * (kPi / 360));
+  return {};
+}
+
+Status read_distant(Session& session, const ParamList& params, Place place, const Transform& world_from_light,
+                    Light& light) {
   light.kind = LightKind::distant;
-  SPILLWAY_ASSIGN(light.radiance, light_color(params, "L"));
+  SPILLWAY_ASSIGN(light.radiance, light_color(session, params, "L"));
   SPILLWAY_ASSIGN(light.edge1, unit_axis(params, place, world_from_light));
   SPILLWAY_ASSIGN(const float illuminance, params.real("illuminance", -1));
   if (illuminance > 0) light.radiance = light.radiance * illuminance;
@@ -151,7 +136,7 @@ Status read_infinite(Session& session, const ParamList& params, Place place, con
   light.kind = LightKind::infinite;
   if (const Parameter* file = params.find(ParamType::string, "filename"))
     return read_environment(session, params, *file, place, world_from_light, light);
-  SPILLWAY_ASSIGN(light.radiance, light_color(params, "L"));
+  SPILLWAY_ASSIGN(light.radiance, light_color(session, params, "L"));
   SPILLWAY_ASSIGN(const float illuminance, params.real("illuminance", -1));
   if (illuminance > 0) light.radiance = light.radiance * (illuminance / kPi);  // of a hemisphere of radiance 1
   return {};
@@ -170,10 +155,10 @@ Status send(Session& session, const ParamList& params, const Light& light) {
 Result<AreaEmission> read_area_light(Session& session, const std::string& type, const ParamList& params, Place place) {
   if (type != "diffuse") return error_at(place, "area light \"{}\" is not known: use \"diffuse\"", type);
   if (const Parameter* file = params.find(ParamType::string, "filename")) {
-    return error_at(file->place, "area lights with an image are not supported yet: give a constant \"L\"");
+    SPILLWAY_TRY(session.replaced(file->place, "an area light with an image", "its \"L\""));
   }
   AreaEmission emission;
-  SPILLWAY_ASSIGN(const Rgb color, light_color(params, "L"));
+  SPILLWAY_ASSIGN(const Rgb color, light_color(session, params, "L"));
   SPILLWAY_ASSIGN(const float scale, read_scale(params));
   emission.radiance = color * scale;
   SPILLWAY_ASSIGN(emission.two_sided, params.boolean("twosided", false));
@@ -187,15 +172,19 @@ Status add_light(Session& session, const std::string& type, const ParamList& par
                  const Transform& world_from_light) {
   Light light{};
   if (type == "point")
-    SPILLWAY_TRY(read_point(params, world_from_light, light));
+    SPILLWAY_TRY(read_point(session, params, world_from_light, light));
   else if (type == "spot")
     SPILLWAY_TRY(read_spot(session, params, place, world_from_light, light));
   else if (type == "distant")
-    SPILLWAY_TRY(read_distant(params, place, world_from_light, light));
+    SPILLWAY_TRY(read_distant(session, params, place, world_from_light, light));
   else if (type == "infinite")
     SPILLWAY_TRY(read_infinite(session, params, place, world_from_light, light));
+  else if (type == "goniometric")
+    SPILLWAY_TRY(read_goniometric(session, params, place, world_from_light, light));
+  else if (type == "projection")
+    SPILLWAY_TRY(read_projection(session, params, place, world_from_light, light));
   else
-    return session.ignorable(place, "light \"{}\" is not supported: use infinite, distant, point or spot", type);
+    return session.ignorable(place, "light \"{}\" is not known: use infinite, distant, point or spot", type);
   SPILLWAY_ASSIGN(const float scale, read_scale(params));
   light.radiance = light.radiance * scale;
   SPILLWAY_TRY(params.check_all_used(session, fmt::format("LightSource \"{}\"", type)));

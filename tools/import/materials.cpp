@@ -92,9 +92,8 @@ Result<MaterialId> MaterialTable::send(const MaterialDefinition& definition) {
   if (definition.type == "interface" || definition.type.empty() || definition.type == "none") return MaterialId{};
   Material material;
   if (find_kind(definition.type) == nullptr) {
-    SPILLWAY_TRY(session_.ignorable(definition.place,
-                                    "material type \"{}\" is not supported: a grey diffuse one can stand in (lenient)",
-                                    definition.type));
+    SPILLWAY_TRY(session_.replaced(definition.place, fmt::format("material type \"{}\"", definition.type),
+                                   "a grey diffuse one"));
     material.reflectance = constant(0.5f);
   } else {
     SPILLWAY_ASSIGN(material, read(definition));
@@ -206,7 +205,8 @@ Result<Param> MaterialTable::metal_param(const ParamList& params, const std::str
   const std::string& metal = spectrum->strings[0];
   if (const std::optional<Rgb> rgb = metal_rgb(metal)) return Param{*rgb, TextureId::kNone};
   if (const std::optional<float> glass = glass_eta(metal)) return constant(*glass);
-  return error_at(spectrum->place, "unknown spectrum \"{}\": give rgb, or a metal such as \"metal-Cu-eta\"", metal);
+  SPILLWAY_ASSIGN(const std::vector<float> pairs, spectrum_pairs(session_, *spectrum));
+  return Param{metal_from_pairs(pairs), TextureId::kNone};
 }
 
 Status MaterialTable::read_conductor(const MaterialDefinition& definition, std::string_view prefix,
@@ -232,13 +232,12 @@ Result<float> MaterialTable::eta_value(const ParamList& params, const std::strin
     SPILLWAY_ASSIGN(eta, params.real(name, kStandardEta));
   } else if ((given = params.find(ParamType::spectrum, name)) != nullptr) {
     session_.warn(given->place, "colours are not dispersed: \"{}\" is taken at {} nm", name, kGlassWavelength_nm);
-    if (given->strings.empty()) {
-      SPILLWAY_TRY(check_pairs(*given));
-      eta = spectrum_at(given->numbers, kGlassWavelength_nm);
-    } else {
-      const std::optional<float> glass = glass_eta(given->strings[0]);
-      if (!glass) return error_at(given->place, "unknown glass \"{}\": give \"float {}\"", given->strings[0], name);
+    const std::optional<float> glass = given->strings.size() == 1 ? glass_eta(given->strings[0]) : std::nullopt;
+    if (glass) {
       eta = *glass;
+    } else {
+      SPILLWAY_ASSIGN(const std::vector<float> pairs, spectrum_pairs(session_, *given));
+      eta = spectrum_at(pairs, kGlassWavelength_nm);
     }
   }
   if (!(eta > 0)) return error_at(given->place, "\"{}\" must be above 0", name);

@@ -204,7 +204,7 @@ Result<Token> read_string_token(Tokenizer& tokens, std::string_view directive) {
   return error_at(token.place, "{} is followed by a string in quotes, not by {}", directive, to_string(token));
 }
 
-Result<ParamList> read_params(Tokenizer& tokens) {
+Result<ParamList> read_params(Tokenizer& tokens, ColorSpace space) {
   ParamList list;
   for (;;) {
     SPILLWAY_ASSIGN(const Token* next, tokens.peek());
@@ -220,6 +220,7 @@ Result<ParamList> read_params(Tokenizer& tokens) {
                       to_string(other.place));
     }
     SPILLWAY_TRY(read_values(tokens, parameter));
+    parameter.color_space = space;
     list.parameters.push_back(std::move(parameter));
   }
 }
@@ -289,11 +290,23 @@ Result<std::string> ParamList::string(std::string_view name, std::string_view ot
   return parameter->strings[0];
 }
 
-Result<Float3> ParamList::point3(std::string_view name, Float3 otherwise) const {
-  const Parameter* parameter = find(ParamType::point3, name);
+namespace {
+
+Result<Float3> three(const ParamList& params, ParamType type, std::string_view name, Float3 otherwise) {
+  const Parameter* parameter = params.find(type, name);
   if (parameter == nullptr) return otherwise;
   SPILLWAY_TRY(expect_count(*parameter, parameter->numbers.size(), 3));
   return Float3{parameter->numbers[0], parameter->numbers[1], parameter->numbers[2]};
+}
+
+}  // namespace
+
+Result<Float3> ParamList::point3(std::string_view name, Float3 otherwise) const {
+  return three(*this, ParamType::point3, name, otherwise);
+}
+
+Result<Float3> ParamList::vector3(std::string_view name, Float3 otherwise) const {
+  return three(*this, ParamType::vector3, name, otherwise);
 }
 
 Status ParamList::check_all_used(Session& session, std::string_view owner) const {

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "cache/base/vec.h"
+#include "tools/import/color_space.h"
 #include "tools/import/session.h"
 #include "tools/import/tokens.h"
 
@@ -40,6 +41,7 @@ struct Parameter {
   std::vector<float> numbers;
   std::vector<int32_t> integers;  // booleans: 0 or 1
   std::vector<std::string> strings;
+  ColorSpace color_space = ColorSpace::srgb;  // of rgb
   bool inherited = false;  // from an Attribute directive: need not be used
   mutable bool used = false;
   mutable std::optional<ParamType> wanted;  // asked for under this name with another type
@@ -64,13 +66,14 @@ class ParamList {
   [[nodiscard]] Result<bool> boolean(std::string_view name, bool otherwise) const;
   [[nodiscard]] Result<std::string> string(std::string_view name, std::string_view otherwise) const;
   [[nodiscard]] Result<Float3> point3(std::string_view name, Float3 otherwise) const;
+  [[nodiscard]] Result<Float3> vector3(std::string_view name, Float3 otherwise) const;
 
   // Nobody asked for it: an error that names the type that was wanted, or what the owner is (`Film "rgb"`).
   Status check_all_used(Session& session, std::string_view owner) const;
 };
 
-// The declarations that follow, up to the first token that is not a string.
-Result<ParamList> read_params(Tokenizer& tokens);
+// The declarations that follow, up to the first token that is not a string. Colours are numbers of the space.
+Result<ParamList> read_params(Tokenizer& tokens, ColorSpace space = ColorSpace::srgb);
 
 // Finite, or an error at the token. What it is for is named in the message.
 Result<double> number(const Token& token);

@@ -4,6 +4,7 @@
 
 #include <deque>
 #include <string>
+#include <string_view>
 #include <utility>
 
 #include "pipeline/pack/scene_sink.h"
@@ -31,6 +32,16 @@ struct Session {
     Error error = error_at(place, format, std::forward<Args>(args)...);
     if (!options.lenient) return error;
     add_warning(error.message + " (ignored: lenient)");
+    return {};
+  }
+
+  // Something that has a stand-in: an error, with ImportOptions::lenient a warning that says what is used.
+  Status replaced(const Place& place, std::string_view what, std::string_view stand_in) {
+    if (!options.lenient) {
+      return error_at(place, "{} is not supported: change the scene, or take {} in its place with --lenient", what,
+                      stand_in);
+    }
+    warn(place, "{} is not supported: {} is used instead (lenient)", what, stand_in);
     return {};
   }
 

@@ -133,9 +133,11 @@ bool is_finite(const shading::Camera& camera) {
 
 Status read_camera(Session& session, const Waiting& waiting, shading::Camera& camera) {
   camera.is_orthographic = waiting.type == "orthographic";
-  if (waiting.type != "perspective" && !camera.is_orthographic) {
-    return error_at(waiting.place, "camera \"{}\" is not supported: use \"perspective\" or \"orthographic\"",
-                    waiting.type);
+  const bool is_known = waiting.type == "perspective" || camera.is_orthographic;
+  if (!is_known) {
+    constexpr std::array<std::string_view, 2> kOthers = {"spherical", "realistic"};
+    if (!contains(kOthers, waiting.type)) return error_at(waiting.place, "unknown camera \"{}\"", waiting.type);
+    SPILLWAY_TRY(session.replaced(waiting.place, fmt::format("camera \"{}\"", waiting.type), "\"perspective\""));
   }
   const ParamList& params = waiting.params;
   std::array<float, 4> window{};
@@ -159,6 +161,7 @@ Status read_camera(Session& session, const Waiting& waiting, shading::Camera& ca
     return error_at(waiting.place, "\"lensradius\" must be at least 0, \"focaldistance\" above 0");
   }
   if (!is_finite(camera)) return error_at(waiting.place, "the camera's transform or window is too large for 32-bit floats");
+  if (!is_known) return {};  // the rest is of what is not done
   return params.check_all_used(session, fmt::format("Camera \"{}\"", waiting.type));
 }
 
@@ -226,7 +229,9 @@ Status read_sampler(Session& session, const Waiting& waiting, pipeline::RenderSe
                                                       "independent", "stratified",  "pmj02bn"};
   if (!contains(kTypes, waiting.type))
     return error_at(waiting.place, "unknown sampler \"{}\": use \"sobol\"", waiting.type);
-  if (waiting.type != "sobol") {
+  if (waiting.type == "independent") {
+    render.sampler = shading::SamplerKind::independent;
+  } else if (waiting.type != "sobol") {
     session.warn(waiting.place, "sampler \"{}\": the renderer's own Owen-scrambled Sobol' points are used",
                  waiting.type);
   }
@@ -264,30 +269,13 @@ Waiting or_default(const std::optional<Waiting>& given, const char* type, Place 
 
 }  // namespace
 
-Status read_option(Session& session, const ParamList& params, SceneOptions& options) {
-  constexpr std::array<std::string_view, 6> kHarmless = {
-      "wavefront", "pixelstats", "disablewavelengthjitter", "rendercoordsys", "msereferenceimage", "msereferenceout"};
-  constexpr std::array<std::string_view, 4> kNotOurs = {"disablepixeljitter", "disabletexturefiltering", "forcediffuse",
-                                                        "displacementedgescale"};
-  for (const Parameter& option : params.parameters) {
-    if (option.name == "seed") {
-      SPILLWAY_ASSIGN(options.seed, params.integer("seed", 0));
-      if (option.used) continue;
-    }
-    if (contains(kHarmless, option.name)) continue;  // changes how pbrt works, not what it shows
-    const bool is_off = option.type == ParamType::boolean && option.integers.size() == 1 && option.integers[0] == 0;
-    if (contains(kNotOurs, option.name) && is_off) continue;
-    SPILLWAY_TRY(session.ignorable(option.place, "option \"{} {}\" is not known or not supported: remove it",
-                                   name(option.type), option.name));
-  }
-  return {};
-}
-
 Result<SceneSettings> build_settings(Session& session, const SceneOptions& options, Place world_begin) {
   SceneSettings settings;
   const Waiting camera = or_default(options.camera, "perspective", world_begin);
   settings.camera.world_from_camera = options.camera_from_world.inverse().affine();
   settings.render.seed = static_cast<uint32_t>(options.seed);
+  if (options.color_space != ColorSpace::srgb && options.film)
+    session.warn(options.film->place, "the picture is written in Rec. 709, whatever the scene's color space");
   SPILLWAY_TRY(read_shutter(camera, settings.camera));
   SPILLWAY_TRY(read_film(session, or_default(options.film, "rgb", world_begin), settings));
   SPILLWAY_TRY(read_camera(session, camera, settings.camera));

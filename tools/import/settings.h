@@ -7,6 +7,7 @@
 
 #include "tools/import/params.h"
 #include "tools/import/session.h"
+#include "tools/import/tokens.h"
 #include "tools/import/transform.h"
 
 namespace spillway::tools {
@@ -22,10 +23,11 @@ struct SceneOptions {
   std::optional<Waiting> camera, film, filter, sampler, integrator;
   Transform camera_from_world;
   int32_t seed = 0;
+  ColorSpace color_space = ColorSpace::srgb;  // at WorldBegin
 };
 
-// Option "bool name" value.
-Status read_option(Session& session, const ParamList& params, SceneOptions& options);
+// Option "name" value (options.cpp): mapped, or without meaning here, or a warning that says what is done.
+Status read_option(Session& session, Tokenizer& tokens, const Token& directive, SceneOptions& options);
 
 // pbrt's defaults for what is missing, which has its place at WorldBegin. The film's file name goes into the report.
 Result<pipeline::SceneSettings> build_settings(Session& session, const SceneOptions& options, Place world_begin);

@@ -50,6 +50,22 @@ Rgb unit_luminance_rgb(const Xyz& c) {
   return rgb * (1 / luminance(rgb));
 }
 
+struct Illuminant {
+  std::string_view name;
+  double x, y;
+};
+// Chromaticities for the 2 degree observer: CIE 15:2004, tables T.3 and T.8; SMPTE ST 2065-1.
+constexpr std::array kIlluminants = {
+    Illuminant{"stdillum-A", 0.44758, 0.40745},    Illuminant{"stdillum-D50", 0.34567, 0.35851},
+    Illuminant{"stdillum-F1", 0.3131, 0.3371},     Illuminant{"stdillum-F2", 0.3721, 0.3751},
+    Illuminant{"stdillum-F3", 0.4091, 0.3941},     Illuminant{"stdillum-F4", 0.4402, 0.4031},
+    Illuminant{"stdillum-F5", 0.3138, 0.3452},     Illuminant{"stdillum-F6", 0.3779, 0.3882},
+    Illuminant{"stdillum-F7", 0.3129, 0.3292},     Illuminant{"stdillum-F8", 0.3458, 0.3586},
+    Illuminant{"stdillum-F9", 0.3741, 0.3727},     Illuminant{"stdillum-F10", 0.3458, 0.3588},
+    Illuminant{"stdillum-F11", 0.3805, 0.3769},    Illuminant{"stdillum-F12", 0.4370, 0.4042},
+    Illuminant{"illum-acesD60", 0.32168, 0.33767},
+};
+
 struct Metal {
   std::string_view name;
   Rgb eta, k;
@@ -115,6 +131,13 @@ Rgb reflectance_rgb(std::span<const float> pairs) {
   const auto clamped = [](double v) { return static_cast<float>(std::clamp(v, 0.0, 1.0)); };
   return {clamped(3.2406 * x - 1.5372 * y - 0.4986 * z), clamped(-0.9689 * x + 1.8758 * y + 0.0415 * z),
           clamped(0.0557 * x - 0.2040 * y + 1.0570 * z)};
+}
+
+std::optional<Rgb> illuminant_rgb(std::string_view name) {
+  if (name == "stdillum-D65") return Rgb{1, 1, 1};  // the white of the colour space
+  for (const Illuminant& known : kIlluminants)
+    if (known.name == name) return unit_luminance_rgb({known.x / known.y, 1, (1 - known.x - known.y) / known.y});
+  return std::nullopt;
 }
 
 std::optional<Rgb> metal_rgb(std::string_view name) {

@@ -27,6 +27,9 @@ inline constexpr float kGlassWavelength_nm = 587.56f;
 // stays grey; brought into the gamut.
 [[nodiscard]] Rgb reflectance_rgb(std::span<const float> pairs);
 
+// Standard illuminants by pbrt's names ("stdillum-A", "stdillum-F2", "illum-acesD60", ...), luminance 1.
+[[nodiscard]] std::optional<Rgb> illuminant_rgb(std::string_view name);
+
 // "metal-Ag-eta", "metal-Ag-k" and so on: at the three wavelengths above.
 [[nodiscard]] std::optional<Rgb> metal_rgb(std::string_view name);
 // "glass-BK7" and so on: at the d line.

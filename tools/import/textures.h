@@ -2,6 +2,7 @@
 
 // Named textures: defined in any order, sent to the sink when first used, children first.
 
+#include <array>
 #include <cstdint>
 #include <map>
 #include <optional>
@@ -9,8 +10,10 @@
 #include <string_view>
 #include <utility>
 
+#include "tools/import/colors.h"
 #include "tools/import/params.h"
 #include "tools/import/session.h"
+#include "tools/import/transform.h"
 
 namespace spillway::tools {
 
@@ -20,9 +23,6 @@ inline constexpr int kMaxUseDepth = 64;
 enum class TextureValue : uint8_t { real, spectrum };  // pbrt keeps the two kinds under separate names
 enum class SendState : uint8_t { waiting, sending, sent };
 
-// What range of RGB a parameter may have.
-enum class RgbRange : uint8_t { albedo, unbounded };  // 0..1, 0..infinity
-
 // pbrt's default: files of floats are linear, all others sRGB.
 [[nodiscard]] cache::TexelEncoding default_encoding(const std::string& file);
 
@@ -30,7 +30,8 @@ class TextureTable {
  public:
   explicit TextureTable(Session& session) : session_(session) {}
 
-  Status define(TextureValue value, const Token& name, std::string type, ParamList params, Place place);
+  Status define(TextureValue value, const Token& name, std::string type, ParamList params, Place place,
+                const Transform& world_from_texture);
 
   // The node of a named texture. `place` is where it is used.
   Result<TextureId> use(TextureValue value, const std::string& name, const Place& place);
@@ -49,6 +50,7 @@ class TextureTable {
     std::string type;
     ParamList params;
     Place place;
+    Transform world_from_texture;  // the current one where the texture was defined
     SendState state = SendState::waiting;
     TextureId id;
   };
@@ -56,12 +58,27 @@ class TextureTable {
 
   Result<TextureId> send(TextureValue value, const std::string& name, Definition& definition);
   Result<TextureId> add_node(const pipeline::TextureNode& node, const Place& place);
+  // One a kind of Texture (texture_nodes.cpp).
+  struct NodeReader {
+    std::string_view type;
+    bool real, spectrum;  // which textures may be of this type
+    Result<pipeline::TextureNode> (TextureTable::*read)(TextureValue, const Definition&);
+    [[nodiscard]] bool serves(TextureValue value) const { return value == TextureValue::real ? real : spectrum; }
+  };
+  static const std::array<NodeReader, 12> kNodeReaders;
+  static const NodeReader* find_reader(std::string_view type, TextureValue value);
+  static Error unknown_type(TextureValue value, const std::string& name, const Definition& definition);
   Result<pipeline::TextureNode> constant_node(TextureValue value, const Definition& definition);
-  Result<pipeline::TextureNode> image_node(const Definition& definition);
+  Result<pipeline::TextureNode> image_node(TextureValue value, const Definition& definition);
   Result<pipeline::TextureNode> scale_node(TextureValue value, const Definition& definition);
   Result<pipeline::TextureNode> mix_node(TextureValue value, const Definition& definition);
   Result<pipeline::TextureNode> checkerboard_node(TextureValue value, const Definition& definition);
   Result<pipeline::TextureNode> bilerp_node(TextureValue value, const Definition& definition);
+  Result<pipeline::TextureNode> direction_mix_node(TextureValue value, const Definition& definition);
+  Result<pipeline::TextureNode> dots_node(TextureValue value, const Definition& definition);
+  Result<pipeline::TextureNode> noise_node(TextureValue value, const Definition& definition);
+  Status set_place(const Definition& definition, pipeline::TextureMapping mapping, pipeline::TextureNode& node);
+  Status read_mapping(const Definition& definition, pipeline::TextureNode& node);
   Result<ImageId> add_image(const Parameter& parameter, cache::TexelEncoding encoding);
   Result<uint32_t> child(TextureValue value, const Definition& definition, std::string_view name, float otherwise);
 
