@@ -169,6 +169,7 @@ Result<WriteFile> WriteFile::create(const std::filesystem::path& path, IoPurpose
   file.descriptor_ = ::open(file.temporary_path_.c_str(), O_RDWR | O_CREAT | O_TRUNC | O_CLOEXEC, 0644);
   if (file.descriptor_ < 0)
     return error("{}: cannot be created: {}", file.temporary_path_.string(), std::strerror(errno));
+  file.direct_descriptor_ = ::open(file.temporary_path_.c_str(), O_WRONLY | O_CLOEXEC | O_DIRECT);
   return file;
 }
 
@@ -178,21 +179,29 @@ WriteFile& WriteFile::operator=(WriteFile&& other) noexcept {
   std::swap(path_, other.path_);
   std::swap(temporary_path_, other.temporary_path_);
   std::swap(descriptor_, other.descriptor_);
+  std::swap(direct_descriptor_, other.direct_descriptor_);
   std::swap(size_bytes_, other.size_bytes_);
   std::swap(purpose_, other.purpose_);
   return *this;
 }
 
 WriteFile::~WriteFile() {
+  if (direct_descriptor_ >= 0) ::close(direct_descriptor_);
   if (descriptor_ < 0) return;
   ::close(descriptor_);
   ::unlink(temporary_path_.c_str());
 }
 
 Status WriteFile::append(std::span<const std::byte> bytes) {
-  if (!write_fully(descriptor_, size_bytes_, bytes.data(), bytes.size()))
+  const bool direct = direct_descriptor_ >= 0 && is_aligned(size_bytes_, bytes.data(), bytes.size());
+  if (!write_fully(direct ? direct_descriptor_ : descriptor_, size_bytes_, bytes.data(), bytes.size())) {
+    if (errno == ENOSPC || errno == EDQUOT || errno == EFBIG)
+      return error("{}: the disk is full: {} bytes are written and {} more were to follow at once ({}); free space or name "
+                   "another place",
+                   path_.string(), size_bytes_, bytes.size(), std::strerror(errno));
     return error("{}: writing {} more bytes at byte {} failed: {}", path_.string(), bytes.size(), size_bytes_,
                  std::strerror(errno));
+  }
   count_write(purpose_, bytes.size());
   size_bytes_ += bytes.size();
   return {};
@@ -212,6 +221,7 @@ Status WriteFile::pad_to(uint64_t alignment_bytes) {
 
 Status WriteFile::commit() {
   if (fsync(descriptor_) != 0) return system_error("sync", path_, size_bytes_);
+  if (direct_descriptor_ >= 0) ::close(std::exchange(direct_descriptor_, -1));
   if (::close(std::exchange(descriptor_, -1)) != 0) {
     ::unlink(temporary_path_.c_str());
     return system_error("close", path_, size_bytes_);

@@ -72,6 +72,7 @@ class ReadFile {
 };
 
 // Written under `path` + a temporary suffix; commit() syncs and renames. Destruction without commit removes it.
+// What is aligned (place, memory and size, to kDirectAlignment) bypasses the page cache where the file system can.
 class WriteFile {
  public:
   static Result<WriteFile> create(const std::filesystem::path& path, IoPurpose purpose);
@@ -88,6 +89,7 @@ class WriteFile {
   WriteFile() = default;
   std::filesystem::path path_, temporary_path_;
   int descriptor_ = -1;
+  int direct_descriptor_ = -1;  // the same file; -1 where it has no direct writes
   uint64_t size_bytes_ = 0;
   IoPurpose purpose_ = IoPurpose::pack;
 };

@@ -1,11 +1,11 @@
 #include "cache/section_file.h"
 
 #include <algorithm>
+#include <array>
 #include <cstring>
 
 #include "cache/base/check.h"
 #include "cache/base/hash.h"
-#include "cache/file.h"
 
 // Format, little endian:
 //   FileHeader
@@ -51,8 +51,12 @@ SectionWriter::SectionWriter(std::string kind, uint32_t version) : kind_(std::mo
 }
 
 void SectionWriter::add(std::string name, std::span<const std::byte> bytes) {
+  add_view(std::move(name), copies_.emplace_back(bytes.begin(), bytes.end()));
+}
+
+void SectionWriter::add_view(std::string name, std::span<const std::byte> bytes) {
   SPILLWAY_CHECK(name.size(), <, sizeof SectionEntry::name);
-  sections_.emplace_back(std::move(name), std::vector<std::byte>(bytes.begin(), bytes.end()));
+  sections_.emplace_back(std::move(name), bytes);
 }
 
 Status SectionWriter::write(const std::filesystem::path& path) const {
@@ -82,76 +86,121 @@ Status SectionWriter::write(const std::filesystem::path& path) const {
   return file.commit();
 }
 
-Result<SectionReader> SectionReader::read(const std::filesystem::path& path, std::string_view kind, uint32_t version,
-                                          MemoryTag tag) {
-  SPILLWAY_ASSIGN(const ReadFile file, ReadFile::open(path, {.purpose = IoPurpose::scene}));
+namespace {
+
+Result<FileHeader> read_header(const ReadFile& file, std::string_view kind, uint32_t version) {
+  const std::string path = file.path().string();
   FileHeader header{};
   if (file.size_bytes() < sizeof header)
-    return error("{}: has {} bytes, less than a header; it is damaged or no file of ours", path.string(),
-                 file.size_bytes());
+    return error("{}: has {} bytes, less than a header; it is damaged or no file of ours", path, file.size_bytes());
   SPILLWAY_TRY(file.read(0, std::as_writable_bytes(std::span(&header, 1))));
   if (std::string_view(header.kind, sizeof header.kind) != kind)
-    return error("{}: byte 0: is no file of kind '{}'", path.string(), kind);
+    return error("{}: byte 0: is no file of kind '{}'", path, kind);
   if (header.version != version)
-    return error("{}: byte 8: is of version {}, this program reads version {}; make it anew", path.string(),
-                 header.version, version);
+    return error("{}: byte 8: is of version {}, this program reads version {}; make it anew", path, header.version,
+                 version);
   if (header.file_bytes != file.size_bytes())
-    return error("{}: byte 16: should have {} bytes but has {}; it was cut short or written only in part",
-                 path.string(), header.file_bytes, file.size_bytes());
+    return error("{}: byte 16: should have {} bytes but has {}; it was cut short or written only in part", path,
+                 header.file_bytes, file.size_bytes());
   if (header.section_count > kLargestSectionCount ||
       sizeof header + header.section_count * sizeof(SectionEntry) > file.size_bytes())
-    return error("{}: byte 12: claims {} sections, more than the file can hold", path.string(), header.section_count);
+    return error("{}: byte 12: claims {} sections, more than the file can hold", path, header.section_count);
+  return header;
+}
 
-  SectionReader reader;
-  reader.path_ = path;
-  reader.tag_ = tag;
-  reader.file_ = Buffer<std::byte>(tag, file.size_bytes());
-  SPILLWAY_TRY(file.read(0, reader.file_));
-  const auto* entries = reinterpret_cast<const SectionEntry*>(reader.file_.data() + sizeof header);
-  const std::span table(entries, header.section_count);
+}  // namespace
+
+Status SectionReader::read_table(const ReadFile& file, std::string_view kind, uint32_t version) {
+  path_ = file.path();
+  SPILLWAY_ASSIGN(const FileHeader header, read_header(file, kind, version));
+  std::vector<SectionEntry> table(header.section_count);
+  SPILLWAY_TRY(file.read(sizeof header, std::as_writable_bytes(std::span(table))));
   if (header_checksum(header, table) != header.checksum)
-    return error("{}: byte 24: the checksum of the header does not match; the file is damaged", path.string());
-  uint64_t end = sizeof header + table.size_bytes();
+    return error("{}: byte 24: the checksum of the header does not match; the file is damaged", path_.string());
+  uint64_t end = sizeof header + table.size() * sizeof(SectionEntry);
   for (const SectionEntry& entry : table) {
     if (!is_terminated(entry) || entry.offset_bytes > header.file_bytes ||
         entry.size_bytes > header.file_bytes - entry.offset_bytes || entry.offset_bytes % kAlignment != 0)
-      return error("{}: a section lies outside the file; the file is damaged", path.string());
-    SPILLWAY_TRY(reader.check_gap(end, entry.offset_bytes));
+      return error("{}: a section lies outside the file; the file is damaged", path_.string());
+    SPILLWAY_TRY(check_gap(file, end, entry.offset_bytes));
     end = entry.offset_bytes + entry.size_bytes;
-    const std::span<const std::byte> bytes(reader.file_.data() + entry.offset_bytes, entry.size_bytes);
-    if (checksum(bytes.data(), bytes.size()) != entry.checksum)
-      return error("{}: byte {}: the checksum of section '{}' does not match; the file is damaged", path.string(),
-                   entry.offset_bytes, entry.name);
-    if (!reader.sections_.emplace(entry.name, bytes).second)
-      return error("{}: section '{}' is there twice; the file is damaged", path.string(), entry.name);
+    if (!sections_.emplace(entry.name, Section{entry.offset_bytes, entry.size_bytes, entry.checksum}).second)
+      return error("{}: section '{}' is there twice; the file is damaged", path_.string(), entry.name);
   }
-  SPILLWAY_TRY(reader.check_gap(end, file.size_bytes()));
+  return check_gap(file, end, file.size_bytes());
+}
+
+Result<SectionReader> SectionReader::open(const std::filesystem::path& path, std::string_view kind, uint32_t version) {
+  SPILLWAY_ASSIGN(ReadFile file, ReadFile::open(path, {.purpose = IoPurpose::scene}));
+  SectionReader reader;
+  SPILLWAY_TRY(reader.read_table(file, kind, version));
+  reader.file_ = std::make_shared<ReadFile>(std::move(file));
   return reader;
 }
 
-Status SectionReader::check_gap(uint64_t end, uint64_t next) const {
+Result<SectionReader> SectionReader::read(const std::filesystem::path& path, std::string_view kind, uint32_t version,
+                                          MemoryTag tag) {
+  SPILLWAY_ASSIGN(SectionReader reader, open(path, kind, version));
+  reader.tag_ = tag;
+  reader.contents_ = Buffer<std::byte>(tag, reader.file_->size_bytes());
+  SPILLWAY_TRY(reader.file_->read(0, reader.contents_));
+  reader.file_.reset();
+  for (const auto& [name, section] : reader.sections_)
+    SPILLWAY_TRY(
+        reader.check_bytes(name, section, {reader.contents_.data() + section.offset_bytes, section.size_bytes}));
+  return reader;
+}
+
+Status SectionReader::check_gap(const ReadFile& file, uint64_t end, uint64_t next) const {
+  std::array<std::byte, kAlignment> gap{};
   const bool is_next = next == aligned(end);
-  if (is_next && std::all_of(file_.begin() + end, file_.begin() + next, [](std::byte b) { return b == std::byte{0}; }))
-    return {};
+  if (is_next) SPILLWAY_TRY(file.read(end, std::span(gap).first(next - end)));
+  if (is_next && std::ranges::all_of(gap, [](std::byte b) { return b == std::byte{0}; })) return {};
   return error("{}: byte {}: something is between two sections; the file is damaged", path_.string(), end);
+}
+
+Status SectionReader::check_bytes(std::string_view name, const Section& section,
+                                  std::span<const std::byte> bytes) const {
+  if (checksum(bytes.data(), bytes.size()) == section.checksum) return {};
+  return error("{}: byte {}: the checksum of section '{}' does not match; the file is damaged", path_.string(),
+               section.offset_bytes, name);
+}
+
+Status SectionReader::check_items(std::string_view name, uint64_t size, size_t item_bytes) const {
+  if (size % item_bytes == 0) return {};
+  return error("{}: section '{}' has {} bytes, which is no multiple of {}; the file is damaged", path_.string(), name,
+               size, item_bytes);
 }
 
 uint64_t SectionReader::checksum_without(std::initializer_list<std::string_view> names) const {
   uint64_t sum = 0;
-  for (const auto& [section, bytes] : sections_) {
-    if (std::find(names.begin(), names.end(), section) != names.end()) continue;
-    sum = checksum(section.data(), section.size(), sum);
-    sum = checksum(bytes.data(), bytes.size(), sum);
+  for (const auto& [name, section] : sections_) {
+    if (std::find(names.begin(), names.end(), name) != names.end()) continue;
+    sum = checksum(name.data(), name.size(), sum);
+    sum = checksum(&section.checksum, sizeof section.checksum, sum);
   }
   return sum;
 }
 
 bool SectionReader::has(std::string_view name) const { return sections_.contains(name); }
 
+Result<uint64_t> SectionReader::size_of(std::string_view name) const {
+  const auto found = sections_.find(name);
+  if (found == sections_.end()) return error("{}: has no section '{}'; the file is damaged", path_.string(), name);
+  return found->second.size_bytes;
+}
+
+Status SectionReader::load_bytes(std::string_view name, std::span<std::byte> bytes) const {
+  const Section& section = sections_.find(name)->second;
+  SPILLWAY_TRY(file_->read(section.offset_bytes, bytes));
+  return check_bytes(name, section, bytes);
+}
+
 Result<std::span<const std::byte>> SectionReader::bytes(std::string_view name) const {
   const auto found = sections_.find(name);
   if (found == sections_.end()) return error("{}: has no section '{}'; the file is damaged", path_.string(), name);
-  return found->second;
+  const Section& section = found->second;
+  return std::span<const std::byte>(contents_.data() + section.offset_bytes, section.size_bytes);
 }
 
 }  // namespace spillway::cache

@@ -2,20 +2,24 @@
 
 // A file of named, checksummed byte sections: the store's manifest and the integer film are such files.
 //
-// Owns: nothing after the call. Memory: the sections, as Buffers of the given tag.
+// Owns: after open() the file, else nothing. Memory: after read() the file; load() takes a section's own size.
 // Fails: a prefix, a flipped byte, an unknown version or an absurd size is refused with the file and byte offset before
-//        memory is taken; the file is written under a temporary name, synced and renamed.
+//        memory is taken (of a section after open(): when it is loaded); the file is written under a temporary name,
+//        synced and renamed.
 
 #include <cstdint>
+#include <deque>
 #include <filesystem>
 #include <initializer_list>
 #include <map>
+#include <memory>
 #include <span>
 #include <string>
 #include <vector>
 
 #include "cache/base/memory.h"
 #include "cache/base/result.h"
+#include "cache/file.h"
 
 namespace spillway::cache {
 
@@ -23,7 +27,8 @@ class SectionWriter {
  public:
   // kind: eight characters that name the format ("SPWSTORE", "SPWFILM "); version: of that kind.
   SectionWriter(std::string kind, uint32_t version);
-  void add(std::string name, std::span<const std::byte> bytes);  // copies
+  void add(std::string name, std::span<const std::byte> bytes);       // copies
+  void add_view(std::string name, std::span<const std::byte> bytes);  // which must live until write()
   template <class T>
   void add_array(std::string name, std::span<const T> items) {
     add(std::move(name), std::as_bytes(items));
@@ -33,37 +38,60 @@ class SectionWriter {
  private:
   std::string kind_;
   uint32_t version_;
-  std::vector<std::pair<std::string, std::vector<std::byte>>> sections_;
+  std::vector<std::pair<std::string, std::span<const std::byte>>> sections_;
+  std::deque<std::vector<std::byte>> copies_;
 };
 
 class SectionReader {
  public:
+  // All sections in memory, each checked.
   static Result<SectionReader> read(const std::filesystem::path& path, std::string_view kind, uint32_t version,
                                     MemoryTag tag);
+  // The table alone; sections are read and checked by load().
+  static Result<SectionReader> open(const std::filesystem::path& path, std::string_view kind, uint32_t version);
+
   [[nodiscard]] bool has(std::string_view name) const;
   // Of names and contents of all sections but those named, by ascending name.
   [[nodiscard]] uint64_t checksum_without(std::initializer_list<std::string_view> names) const;
-  Result<std::span<const std::byte>> bytes(std::string_view name) const;
-  // Fails when the section is missing or its size is no multiple of sizeof(T). Copies into a Buffer of the tag.
+  Result<std::span<const std::byte>> bytes(std::string_view name) const;  // after read()
+  // Fails when the section is missing or its size is no multiple of sizeof(T). Copies into a Buffer of the tag of
+  // read().
   template <class T>
   Result<Buffer<T>> array(std::string_view name) const {
     SPILLWAY_ASSIGN(const std::span<const std::byte> raw, bytes(name));
-    if (raw.size() % sizeof(T) != 0)
-      return error("{}: section '{}' has {} bytes, which is no multiple of {}; the file is damaged", path_.string(),
-                   name, raw.size(), sizeof(T));
+    SPILLWAY_TRY(check_items(name, raw.size(), sizeof(T)));
     Buffer<T> items(tag_, raw.size() / sizeof(T));
     if (!raw.empty()) std::memcpy(items.data(), raw.data(), raw.size());
+    return items;
+  }
+  // The same straight from the file, after open().
+  template <class T>
+  Result<Buffer<T>> load(std::string_view name, MemoryTag tag) const {
+    SPILLWAY_ASSIGN(const uint64_t size, size_of(name));
+    SPILLWAY_TRY(check_items(name, size, sizeof(T)));
+    Buffer<T> items(tag, size / sizeof(T));
+    SPILLWAY_TRY(load_bytes(name, std::as_writable_bytes(std::span<T>(items))));
     return items;
   }
   [[nodiscard]] const std::filesystem::path& path() const { return path_; }
 
  private:
-  Status check_gap(uint64_t end, uint64_t next) const;
+  struct Section {
+    uint64_t offset_bytes, size_bytes, checksum;
+  };
+
+  Status read_table(const ReadFile& file, std::string_view kind, uint32_t version);
+  Status check_gap(const ReadFile& file, uint64_t end, uint64_t next) const;
+  Status check_bytes(std::string_view name, const Section& section, std::span<const std::byte> bytes) const;
+  Status check_items(std::string_view name, uint64_t size, size_t item_bytes) const;
+  Result<uint64_t> size_of(std::string_view name) const;
+  Status load_bytes(std::string_view name, std::span<std::byte> bytes) const;
 
   std::filesystem::path path_;
   MemoryTag tag_ = MemoryTag::scene;
-  Buffer<std::byte> file_;
-  std::map<std::string, std::span<const std::byte>, std::less<>> sections_;
+  Buffer<std::byte> contents_;      // of the whole file, after read()
+  std::shared_ptr<ReadFile> file_;  // after open()
+  std::map<std::string, Section, std::less<>> sections_;
 };
 
 }  // namespace spillway::cache

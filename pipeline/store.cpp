@@ -14,12 +14,7 @@ namespace {
 
 template <class T>
 Status read_table(const cache::SectionReader& reader, const char* name, MemoryTag tag, Buffer<T>& table) {
-  SPILLWAY_ASSIGN(const std::span<const std::byte> raw, reader.bytes(name));
-  if (raw.size() % sizeof(T) != 0)
-    return error("{}: section '{}' has {} bytes, no multiple of {}; pack the scene again", reader.path().string(), name,
-                 raw.size(), sizeof(T));
-  table = Buffer<T>(tag, raw.size() / sizeof(T));
-  if (!raw.empty()) std::memcpy(table.data(), raw.data(), raw.size());
+  SPILLWAY_ASSIGN(table, reader.load<T>(name, tag));
   return {};
 }
 
@@ -41,7 +36,6 @@ Result<StoreTables> read_tables(const cache::SectionReader& reader) {
   SPILLWAY_TRY(read_table(reader, section::kAttributes, MemoryTag::scene, t.attributes));
   SPILLWAY_TRY(read_table(reader, section::kCameraPath, MemoryTag::scene, t.camera_path));
   SPILLWAY_TRY(read_table(reader, section::kContent, MemoryTag::scene, t.content));
-  SPILLWAY_TRY(read_table(reader, section::kNames, MemoryTag::scene, t.names));
   SPILLWAY_TRY(read_table(reader, section::kSources, MemoryTag::scene, t.sources));
   return t;
 }
@@ -65,7 +59,7 @@ Result<Store> Store::open(const std::filesystem::path& directory) {
     return error("{}: is no store, or one whose packing did not finish (it has no {}); pack the scene",
                  directory.string(), kManifestFile);
   SPILLWAY_ASSIGN(const cache::SectionReader reader,
-                  cache::SectionReader::read(manifest, kStoreKind, kStoreVersion, MemoryTag::scene));
+                  cache::SectionReader::open(manifest, kStoreKind, kStoreVersion));
   SPILLWAY_ASSIGN(store.tables_, read_tables(reader));
   SPILLWAY_TRY(validate_tables(store.tables_, manifest.string()));
   SPILLWAY_TRY(validate_files(store.tables_, directory));
@@ -111,8 +105,12 @@ MeshId Store::mesh_of(PrimId prim) const {
 }
 
 std::string Store::name_of(std::string_view kind, uint32_t index) const {
+  const auto reader = cache::SectionReader::open(directory_ / kManifestFile, kStoreKind, kStoreVersion);
+  if (!reader) return {};
+  const auto names = reader->load<char>(section::kNames, MemoryTag::scene);
+  if (!names) return {};
   const std::string prefix = fmt::format("{} {} ", kind, index);
-  std::string_view rest(tables_.names.data(), tables_.names.size());
+  std::string_view rest(names->data(), names->size());
   while (!rest.empty()) {
     const std::string_view line = rest.substr(0, rest.find('\n'));
     if (line.starts_with(prefix)) return std::string(line.substr(prefix.size()));

@@ -42,7 +42,6 @@ struct StoreTables {
   Buffer<AttributeLocation> attributes;
   Buffer<FrameCamera> camera_path;
   Buffer<ContentChecksums> content;  // one
-  Buffer<char> names;
   Buffer<char> sources;
 };
 
@@ -81,7 +80,8 @@ class Store {
 
   // prim must be one of the scene's.
   [[nodiscard]] MeshId mesh_of(PrimId prim) const;
-  // What the scene calls `kind` ("mesh", "material", "object") number `index`; empty when unknown. Reads all names.
+  // What the scene calls `kind` ("mesh", "material", "object") number `index`; empty when unknown. Reads all names from the
+  // file: they are not kept.
   [[nodiscard]] std::string name_of(std::string_view kind, uint32_t index) const;
 
   // Whether each of `sources` is among the files that the store was made from, and none of those has changed.

@@ -1,4 +1,4 @@
-#include <fmt/format.h>
+#include <csignal>
 
 #include "tools/commands.h"
 
@@ -8,6 +8,7 @@ namespace spillway::tools {
 
 int main(int argc, char** argv) {
   using namespace spillway::tools;
+  std::signal(SIGXFSZ, SIG_IGN);  // a write beyond the limit is then an error like a full disk
   CLI::App app("Spillway renders frames whose geometry, textures and rays do not fit in memory.");
   app.require_subcommand(1);
   app.set_version_flag("--version", SPILLWAY_VERSION);

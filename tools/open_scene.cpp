@@ -3,12 +3,17 @@
 #include <unistd.h>
 
 #include "pipeline/pack/scene_packer.h"
+#include "pipeline/render/plan.h"
+#include "pipeline/render/render_report.h"
 #include "tools/import/import_pbrt.h"
 
 namespace spillway::tools {
 namespace {
 
 using pipeline::Store;
+
+// What the allocator, the task scheduler and the spool's lanes hold beside what packing plans with.
+constexpr uint64_t kSlackBytes = 96 << 20;
 
 // access() grants root everything, but a folder without any write bit was meant to stay as it is.
 bool has_write_bit(const std::filesystem::path& folder) {
@@ -36,16 +41,23 @@ void tell_warnings(const ImportReport& report, bool quiet) {
 
 }  // namespace
 
-Status pack_scene(const OpenSceneOptions& options) {
+Result<pipeline::PackReport> pack_scene(const OpenSceneOptions& options) {
   pipeline::PackOptions pack;
   pack.source_files = {options.scene};
-  if (options.memory_bytes != 0) pack.memory_limit_bytes = options.memory_bytes;
+  if (options.memory_bytes != 0) {
+    const uint64_t floor = pipeline::memory_floor_bytes() + kSlackBytes;
+    if (options.memory_bytes <= floor)
+      return error("--memory {}: packing needs {} before anything is loaded; raise it", pipeline::bytes_text(options.memory_bytes),
+                   pipeline::bytes_text(floor));
+    pack.memory_limit_bytes = options.memory_bytes - floor;
+  }
   SPILLWAY_ASSIGN(auto packer, pipeline::ScenePacker::create(store_directory(options), pack));
   ImportReport report;
   const Status imported = import_pbrt(options.scene, *packer, {.lenient = options.lenient}, report);
   tell_warnings(report, options.quiet);
   SPILLWAY_TRY(imported);
-  return packer->finish();
+  SPILLWAY_TRY(packer->finish());
+  return packer->report();
 }
 
 Result<Store> open_scene(const OpenSceneOptions& options) {
@@ -57,7 +69,7 @@ Result<Store> open_scene(const OpenSceneOptions& options) {
     auto existing = Store::open(directory);
     if (existing && existing->is_current(std::vector{options.scene})) return existing;
   }
-  SPILLWAY_TRY(pack_scene(options));
+  SPILLWAY_ASSIGN([[maybe_unused]] const pipeline::PackReport report, pack_scene(options));
   return Store::open(directory);
 }
 

@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "pipeline/pack/pack_report.h"
 #include "pipeline/store.h"
 
 namespace spillway::tools {
@@ -14,14 +15,14 @@ struct OpenSceneOptions {
   std::filesystem::path scene;            // a .pbrt file or a store directory
   std::filesystem::path store_directory;  // where to pack; empty: beside the scene, extension .store,
                                           // or in the current directory when its folder takes no files
-  uint64_t memory_bytes = 0;              // for packing; 0: no limit
+  uint64_t memory_bytes = 0;              // for packing, of the whole process; 0: two GiB beside what is loaded
   bool lenient = false;                   // what can be ignored of the scene is a warning
   bool repack = false;                    // even when the store is current
   bool quiet = false;
 };
 
 // Imports and packs the .pbrt scene, whatever store is there.
-Status pack_scene(const OpenSceneOptions& options);
+Result<pipeline::PackReport> pack_scene(const OpenSceneOptions& options);
 
 // Packs unless the store is there and newer than every file of the scene.
 Result<pipeline::Store> open_scene(const OpenSceneOptions& options);

@@ -3,20 +3,23 @@
 #include "tools/commands.h"
 #include "tools/open_scene.h"
 #include "tools/sizes.h"
+#include "tools/write_text.h"
 
 namespace spillway::tools {
 namespace {
 
 struct PackArguments {
   OpenSceneOptions scene;
-  std::string memory;
+  std::string memory, report;
 };
 
 Status pack(PackArguments& arguments) {
   if (!arguments.memory.empty()) {
     SPILLWAY_ASSIGN(arguments.scene.memory_bytes, parse_bytes(arguments.memory));
   }
-  return pack_scene(arguments.scene);
+  SPILLWAY_ASSIGN(const pipeline::PackReport report, pack_scene(arguments.scene));
+  if (!arguments.scene.quiet) fmt::print(stderr, "{}", report_table(report));
+  return arguments.report.empty() ? Status{} : write_text(arguments.report, report_json(report));
 }
 
 }  // namespace
@@ -27,6 +30,7 @@ void add_pack_command(CLI::App& app, int& exit_code) {
   command->add_option("scene", arguments->scene.scene, "a .pbrt scene")->required();
   command->add_option("-o,--output", arguments->scene.store_directory, "the store's directory [beside the scene]");
   command->add_option("--memory", arguments->memory, "limit for packing, such as 2GiB");
+  command->add_option("--report", arguments->report, "write what each step cost as JSON");
   command->add_flag("--lenient", arguments->scene.lenient, "warn about what can be ignored instead of refusing");
   command->add_flag("-q,--quiet", arguments->scene.quiet, "errors only");
   command->callback([arguments, &exit_code] {

@@ -27,13 +27,17 @@ using cache::TraceNode;
 constexpr unsigned kBuilderDepth = 30;
 constexpr unsigned kMaxBranching = 8;
 
-// What Embree's callbacks build; lives in Embree's own arena until it is flattened.
-struct BuildNode {
+// What Embree's callbacks build; lives in Embree's own arena until it is flattened. Most are leaves, which are small.
+struct BuildItem {
   unsigned child_count = 0;  // 0: a leaf
+};
+struct BuildLeaf : BuildItem {
   unsigned prim_count = 0;
-  Bounds3 bounds[kMaxBranching];
-  BuildNode* child[kMaxBranching] = {};
   unsigned prim[4] = {};
+};
+struct BuildNode : BuildItem {
+  Bounds3 bounds[kMaxBranching];
+  BuildItem* child[kMaxBranching] = {};
 };
 
 Bounds3 to_bounds(const RTCBounds& b) {
@@ -47,7 +51,7 @@ void* make_node(RTCThreadLocalAllocator allocator, unsigned, void*) {
 void set_children(void* node, void** children, unsigned count, void*) {
   auto* n = static_cast<BuildNode*>(node);
   n->child_count = count;
-  for (unsigned i = 0; i < count; ++i) n->child[i] = static_cast<BuildNode*>(children[i]);
+  for (unsigned i = 0; i < count; ++i) n->child[i] = static_cast<BuildItem*>(children[i]);
 }
 
 void set_bounds(void* node, const RTCBounds** bounds, unsigned count, void*) {
@@ -57,7 +61,7 @@ void set_bounds(void* node, const RTCBounds** bounds, unsigned count, void*) {
 
 void* make_leaf(RTCThreadLocalAllocator allocator, const RTCBuildPrimitive* prims, size_t count, void*) {
   SPILLWAY_CHECK(count, <=, size_t{4});
-  auto* leaf = new (rtcThreadLocalAlloc(allocator, sizeof(BuildNode), 16)) BuildNode;
+  auto* leaf = new (rtcThreadLocalAlloc(allocator, sizeof(BuildLeaf), 16)) BuildLeaf;
   leaf->prim_count = static_cast<unsigned>(count);
   for (size_t i = 0; i < count; ++i) leaf->prim[i] = prims[i].primID;
   return leaf;
@@ -80,7 +84,7 @@ RTCDevice device() {
 
 struct EmbreeTree {
   Bvh bvh;
-  const BuildNode* root = nullptr;
+  const BuildItem* root = nullptr;
 };
 
 EmbreeTree build(std::vector<RTCBuildPrimitive>& prims, unsigned branching, unsigned leaf_size) {
@@ -103,7 +107,7 @@ EmbreeTree build(std::vector<RTCBuildPrimitive>& prims, unsigned branching, unsi
   arguments.setNodeBounds = set_bounds;
   arguments.createLeaf = make_leaf;
   thread_local tbb::task_arena alone(1);
-  alone.execute([&] { tree.root = static_cast<const BuildNode*>(rtcBuildBVH(&arguments)); });
+  alone.execute([&] { tree.root = static_cast<const BuildItem*>(rtcBuildBVH(&arguments)); });
   return tree;
 }
 
@@ -132,8 +136,9 @@ void quantise(const BuildNode& from, TraceNode& to) {
 
 // Parents before children, in depth-first order; leaves in the order they are met. on_leaf returns a leaf reference.
 template <class OnLeaf>
-uint32_t flatten(const BuildNode* from, uint32_t node_base, std::vector<TraceNode>& nodes, const OnLeaf& on_leaf) {
-  if (from->child_count == 0) return on_leaf(*from);
+uint32_t flatten(const BuildItem* item, uint32_t node_base, std::vector<TraceNode>& nodes, const OnLeaf& on_leaf) {
+  if (item->child_count == 0) return on_leaf(*static_cast<const BuildLeaf*>(item));
+  const auto* from = static_cast<const BuildNode*>(item);
   const size_t at = nodes.size();
   nodes.emplace_back();
   std::memset(static_cast<void*>(&nodes[at]), 0, sizeof(TraceNode));
@@ -160,7 +165,7 @@ struct PageParts {
   uint32_t root = kNoChild;
 };
 
-uint32_t add_leaf(const BuildNode& from, std::span<const PackTriangle> triangles, PageParts& page) {
+uint32_t add_leaf(const BuildLeaf& from, std::span<const PackTriangle> triangles, PageParts& page) {
   TraceLeaf leaf{};
   for (unsigned i = 0; i < 4; ++i) {
     leaf.prim[i] = PrimId::kNone;
@@ -179,10 +184,13 @@ PageParts build_parts(std::span<const PackTriangle> triangles, const BuildOption
   PageParts page;
   if (triangles.empty()) return page;
   std::vector<RTCBuildPrimitive> prims;
+  prims.reserve(triangles.size());
+  page.leaves.reserve(triangles.size() / 3), page.nodes.reserve(triangles.size() / 16);
+  page.slot_triangle.reserve(4 * (triangles.size() / 3));
   for (size_t i = 0; i < triangles.size(); ++i)
     prims.push_back(build_primitive(bounds_of(triangles[i]), static_cast<unsigned>(i)));
   const EmbreeTree tree = build(prims, options.branching, options.leaf_fill);
-  page.root = flatten(tree.root, 0, page.nodes, [&](const BuildNode& leaf) { return add_leaf(leaf, triangles, page); });
+  page.root = flatten(tree.root, 0, page.nodes, [&](const BuildLeaf& leaf) { return add_leaf(leaf, triangles, page); });
   return page;
 }
 
@@ -241,10 +249,13 @@ BoxTree build_box_tree(std::span<const Bounds3> boxes, uint32_t node_base, const
   BoxTree tree;
   if (boxes.empty()) return tree;
   std::vector<RTCBuildPrimitive> prims;
+  prims.reserve(boxes.size());
   for (size_t i = 0; i < boxes.size(); ++i) prims.push_back(build_primitive(boxes[i], static_cast<unsigned>(i)));
   const EmbreeTree built = build(prims, options.branching, 1);
+  prims = {};  // with a million instances these are what memory is needed for next
+  tree.nodes.reserve(boxes.size() / 4);
   tree.root = flatten(built.root, node_base, tree.nodes,
-                      [](const BuildNode& leaf) { return leaf.prim[0] | kLeafBit; });
+                      [](const BuildLeaf& leaf) { return leaf.prim[0] | kLeafBit; });
   return tree;
 }
 

@@ -16,6 +16,7 @@ struct PackTriangle {
   Float3 vertex[3];
   uint32_t prim;
 };
+static_assert(sizeof(PackTriangle) == 40);
 
 struct BuildOptions {            // all performance: no setting may change a bit of any image
   uint32_t branching = 8;        // 2..8; fewer: other trees, for the layout tests

@@ -3,16 +3,29 @@
 #include <algorithm>
 #include <cstring>
 
+#include "cache/base/check.h"
+
 namespace spillway::pipeline {
 namespace {
 
-constexpr size_t kBufferBytes = 4 << 20;  // large sequential writes; a chunk has about 0.2 to 0.6 MB
-constexpr uint64_t kWindowBytes = 1 << 20;   // a direct read of 4 KiB costs about as much as one of 64
 constexpr uint64_t kChunkAlignment = 16;
 
-uint64_t direct_aligned(uint64_t n) {
-  return (n + cache::kDirectAlignment - 1) / cache::kDirectAlignment * cache::kDirectAlignment;
+uint64_t aligned(uint64_t n, uint64_t alignment) { return (n + alignment - 1) / alignment * alignment; }
+
+template <class T>
+const std::byte* take(const std::byte* from, std::vector<T>& items, size_t count) {
+  items.resize(count);
+  std::memcpy(items.data(), from, count * sizeof(T));
+  return from + count * sizeof(T);
 }
+
+template <class T>
+std::byte* put(std::byte* to, const std::vector<T>& items) {
+  if (!items.empty()) std::memcpy(to, items.data(), items.size() * sizeof(T));
+  return to + items.size() * sizeof(T);
+}
+
+}  // namespace
 
 uint64_t chunk_bytes(const MeshChunk& chunk, bool everything) {
   const uint64_t vertices = chunk.vertex_count;
@@ -22,72 +35,67 @@ uint64_t chunk_bytes(const MeshChunk& chunk, bool everything) {
   return bytes;
 }
 
-template <class T>
-const std::byte* take(const std::byte* from, std::vector<T>& items, size_t count) {
-  items.resize(count);
-  std::memcpy(items.data(), from, count * sizeof(T));
-  return from + count * sizeof(T);
-}
-
-}  // namespace
-
 Result<MeshSpool> MeshSpool::create(cache::Scratch& scratch) {
   MeshSpool spool;
   SPILLWAY_ASSIGN(spool.file_, scratch.create_file("the meshes of the scene", cache::IoPurpose::pack));
-  spool.buffer_ = Buffer<std::byte>(MemoryTag::pack, kBufferBytes);
   return spool;
 }
 
-Result<MeshChunk> MeshSpool::append(const cache::AttributeSegmentData& data) {
+void MeshSpool::open_region(Lane& lane, uint64_t bytes) {
+  const uint64_t size = aligned(std::max(bytes, kRegionBytes), kRegionBytes);
+  lane.buffer.renew(MemoryTag::pack, size);
+  lane.offset_bytes = end_bytes_;
+  lane.used_bytes = 0;
+  end_bytes_ += size;
+}
+
+Result<MeshChunk> MeshSpool::append(const cache::AttributeSegmentData& data, uint32_t lane_index) {
+  SPILLWAY_CHECK(data.indices.size() / 3, <=, size_t{UINT16_MAX});
+  SPILLWAY_CHECK(data.positions.size(), <=, size_t{UINT16_MAX});
+  const size_t lane_number = lane_index % kMaxLanes;
+  if (lanes_.size() <= lane_number) lanes_.resize(lane_number + 1);
+  Lane& lane = lanes_[lane_number];
   MeshChunk chunk;
-  chunk.offset_bytes = flushed_bytes_ + buffered_;
-  chunk.face_count = static_cast<uint32_t>(data.indices.size() / 3);
-  chunk.vertex_count = static_cast<uint32_t>(data.positions.size());
+  chunk.face_count = static_cast<uint16_t>(data.indices.size() / 3);
+  chunk.vertex_count = static_cast<uint16_t>(data.positions.size());
   chunk.columns = (data.normals.empty() ? 0u : kChunkNormals) | (data.uvs.empty() ? 0u : kChunkUvs);
-  SPILLWAY_TRY(append_bytes(std::as_bytes(std::span(data.indices))));
-  SPILLWAY_TRY(append_bytes(std::as_bytes(std::span(data.positions))));
-  SPILLWAY_TRY(append_bytes(std::as_bytes(std::span(data.normals))));
-  SPILLWAY_TRY(append_bytes(std::as_bytes(std::span(data.uvs))));
-  static constexpr std::byte kZeros[kChunkAlignment] = {};
-  const uint64_t rest = (flushed_bytes_ + buffered_) % kChunkAlignment;
-  if (rest != 0) SPILLWAY_TRY(append_bytes(std::span(kZeros).first(kChunkAlignment - rest)));
+  const uint64_t bytes = chunk_bytes(chunk, true);
+  const uint64_t room = lane.used_bytes == 0 ? 0 : kRegionBytes - std::min(kRegionBytes, lane.used_bytes);
+  if (bytes > room) {
+    SPILLWAY_TRY(flush(lane));
+    open_region(lane, bytes);
+  }
+  chunk.offset_bytes = lane.offset_bytes + lane.used_bytes;
+  std::byte* to = lane.buffer.data() + lane.used_bytes;
+  put(put(put(put(to, data.positions), data.indices), data.normals), data.uvs);
+  lane.used_bytes = aligned(lane.used_bytes + bytes, kChunkAlignment);
   return chunk;
 }
 
-Status MeshSpool::append_bytes(std::span<const std::byte> bytes) {
-  while (!bytes.empty()) {
-    const size_t now = std::min(bytes.size(), buffer_.size() - buffered_);
-    std::memcpy(buffer_.data() + buffered_, bytes.data(), now);
-    buffered_ += now;
-    bytes = bytes.subspan(now);
-    if (buffered_ == buffer_.size()) SPILLWAY_TRY(flush());
-  }
-  return {};
-}
-
-Status MeshSpool::flush() {
-  if (buffered_ == 0) return {};
-  const size_t padded = direct_aligned(buffered_);
-  std::memset(buffer_.data() + buffered_, 0, padded - buffered_);
-  SPILLWAY_TRY(file_->write(flushed_bytes_, std::span<const std::byte>(buffer_.data(), padded)));
-  flushed_bytes_ += padded;
-  buffered_ = 0;
+Status MeshSpool::flush(Lane& lane) {
+  if (lane.used_bytes == 0) return {};
+  const uint64_t padded = aligned(lane.used_bytes, cache::kDirectAlignment);
+  std::memset(lane.buffer.data() + lane.used_bytes, 0, padded - lane.used_bytes);
+  SPILLWAY_TRY(file_->write(lane.offset_bytes, std::span<const std::byte>(lane.buffer.data(), padded)));
+  written_bytes_ = std::max(written_bytes_, lane.offset_bytes + padded);
+  lane.used_bytes = 0;
   return {};
 }
 
 Status MeshSpool::seal() {
-  SPILLWAY_TRY(flush());
-  buffer_ = {};
+  for (Lane& lane : lanes_) SPILLWAY_TRY(flush(lane));
+  lanes_.clear();
   return {};
 }
 
 Result<const std::byte*> SpoolReader::bytes(uint64_t offset, uint64_t size) {
   if (offset < window_begin_ || offset + size > window_end_) {
     const uint64_t begin = offset / cache::kDirectAlignment * cache::kDirectAlignment;
-    const uint64_t end = std::min(begin + std::max(kWindowBytes, direct_aligned(offset + size - begin)),
-                                  spool_.flushed_bytes_);
+    const uint64_t region_end = aligned(offset + size, MeshSpool::kRegionBytes);
+    const uint64_t end = std::min(region_end, spool_.written_bytes_);
     window_begin_ = window_end_ = 0;
-    if (window_.size() < end - begin) window_ = Buffer<std::byte>(MemoryTag::pack, end - begin);
+    if (window_.size() < end - begin)
+      window_ = Buffer<std::byte>(MemoryTag::pack, aligned(end - begin, MeshSpool::kRegionBytes));
     SPILLWAY_TRY(spool_.file_->read(begin, std::span<std::byte>(window_.data(), end - begin)));
     window_begin_ = begin, window_end_ = end;
   }
@@ -97,11 +105,17 @@ Result<const std::byte*> SpoolReader::bytes(uint64_t offset, uint64_t size) {
 Result<cache::AttributeSegmentData> SpoolReader::read(const MeshChunk& chunk, bool everything) {
   SPILLWAY_ASSIGN(const std::byte* from, bytes(chunk.offset_bytes, chunk_bytes(chunk, everything)));
   cache::AttributeSegmentData data;
-  from = take(from, data.indices, size_t{3} * chunk.face_count);
   from = take(from, data.positions, chunk.vertex_count);
+  from = take(from, data.indices, size_t{3} * chunk.face_count);
   if (everything && (chunk.columns & kChunkNormals)) from = take(from, data.normals, chunk.vertex_count);
   if (everything && (chunk.columns & kChunkUvs)) take(from, data.uvs, chunk.vertex_count);
   return data;
+}
+
+Result<SpoolReader::View> SpoolReader::view(const MeshChunk& chunk) {
+  SPILLWAY_ASSIGN(const std::byte* from, bytes(chunk.offset_bytes, chunk_bytes(chunk, false)));
+  const auto* indices = reinterpret_cast<const uint16_t*>(from + chunk.vertex_count * sizeof(Float3));
+  return View{{indices, size_t{3} * chunk.face_count}, {reinterpret_cast<const Float3*>(from), chunk.vertex_count}};
 }
 
 }  // namespace spillway::pipeline

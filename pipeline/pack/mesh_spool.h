@@ -3,10 +3,12 @@
 // The triangles of a scene between import and packing: in chunks as the attribute file will hold them, on disk.
 //
 // Owns: one scratch file (its name is unlinked at birth, so that nothing is left behind however the process ends).
-// Memory: tag pack, one write buffer; of a chunk nothing but its table row stays.
+// Memory: tag pack, a MiB a lane, 64 lanes at most; of a chunk nothing but its table row stays.
 // Threads: append() by one thread; after seal(), any number of SpoolReaders at once, each of one thread.
 // Fails: the scratch file's errors.
-// Format: chunks one after the other, 16-aligned: a chunk's columns are those of an attribute segment.
+// Format: regions of kRegionBytes, each of one lane (a chunk that is larger: of several regions to itself); in a region
+//         chunks one after the other, 16-aligned: positions, indices, normals, uvs of an attribute segment. Meshes are
+//         packed by material: a lane a material makes each of them a sequential read, however the import mixed them.
 
 #include <memory>
 #include <span>
@@ -24,10 +26,14 @@ enum MeshChunkColumn : uint32_t { kChunkNormals = 1, kChunkUvs = 2 };
 // Faces of one mesh that follow each other, at most a block of attributes, with their own deduplicated vertices.
 struct MeshChunk {
   uint64_t offset_bytes = 0;
-  uint32_t face_count = 0;
-  uint32_t vertex_count = 0;
+  uint16_t face_count = 0;  // at most cache::kMaxFacesPerAttributeBlock
+  uint16_t vertex_count = 0;
   uint32_t columns = 0;  // MeshChunkColumn
 };
+static_assert(sizeof(MeshChunk) == 16);
+
+// Of its columns: positions and indices, and the others when `everything`.
+[[nodiscard]] uint64_t chunk_bytes(const MeshChunk& chunk, bool everything);
 
 // A mesh as imported. Of its triangles only the number is known here; they are in the spool.
 struct SpooledMesh {
@@ -59,30 +65,47 @@ struct SpooledScene {
 
 class MeshSpool {
  public:
+  static constexpr uint64_t kRegionBytes = 1 << 20;
+  static constexpr uint32_t kMaxLanes = 64;
+
   static Result<MeshSpool> create(cache::Scratch& scratch);
 
-  Result<MeshChunk> append(const cache::AttributeSegmentData& data);
+  // Chunks of the same lane lie together.
+  Result<MeshChunk> append(const cache::AttributeSegmentData& data, uint32_t lane);
   Status seal();  // nothing may be appended afterwards
 
  private:
+  // The region that a lane is filling.
+  struct Lane {
+    Buffer<std::byte> buffer;
+    uint64_t offset_bytes = 0;
+    uint64_t used_bytes = 0;
+  };
+
   MeshSpool() = default;
-  Status append_bytes(std::span<const std::byte> bytes);
-  Status flush();
+  Status flush(Lane& lane);
+  void open_region(Lane& lane, uint64_t bytes);
 
   friend class SpoolReader;
   std::unique_ptr<cache::Scratch::File> file_;
-  Buffer<std::byte> buffer_;
-  size_t buffered_ = 0;
-  uint64_t flushed_bytes_ = 0;
+  std::vector<Lane> lanes_;
+  uint64_t end_bytes_ = 0;      // of all regions
+  uint64_t written_bytes_ = 0;  // where the file ends
 };
 
-// Reads chunks of a sealed spool through a window of a MiB, since small chunks usually follow each other.
+// Reads chunks of a sealed spool region by region, since small chunks usually follow each other.
 class SpoolReader {
  public:
   explicit SpoolReader(const MeshSpool& spool) : spool_(spool) {}
 
   // Indices and positions, and the other columns when `everything`. mesh and first_prim are left to the caller.
   Result<cache::AttributeSegmentData> read(const MeshChunk& chunk, bool everything);
+  // What trace pages need, where it lies; valid until the next call.
+  struct View {
+    std::span<const uint16_t> indices;
+    std::span<const Float3> positions;
+  };
+  Result<View> view(const MeshChunk& chunk);
 
  private:
   Result<const std::byte*> bytes(uint64_t offset, uint64_t size);

@@ -1,123 +1,37 @@
 #include "pipeline/pack/pack_pages.h"
 
-#include <tbb/parallel_for.h>
+#include <tbb/parallel_pipeline.h>
+#include <tbb/task_arena.h>
 
 #include <algorithm>
+#include <atomic>
+#include <chrono>
+#include <numeric>
 
 #include "cache/base/hash.h"
 #include "cache/base/parallel.h"
 #include "cache/base/parallel_status.h"
 #include "pipeline/pack/cluster_pages.h"
+#include "pipeline/pack/triangle_sets.h"
 
 namespace spillway::pipeline {
 namespace {
 
-// While a page is built: 40 of the triangle, 32 of Embree's primitive and about 100 of its tree, 50 of the page with
-// full leaves and four times that with leaves of one.
-constexpr uint64_t kBuildBytesPerTriangle = 400;
-// The largest micromap, 4^8 states of two bits; while baking also as bytes, but for few triangles at a time.
-constexpr uint64_t kMicromapBytes = 4 + (1 << 14);
-constexpr size_t kChunksPerRead = 16;  // a task: 16 large chunks are 5 MB, small ones share a read
+// While a page is built: 32 a triangle of Embree's primitive and about 100 of its tree, 50 of the page with full leaves
+// and four times that with leaves of one.
+constexpr uint64_t kBuildBytesPerTriangle = 360;
+// The largest micromap, 4^8 states of two bits, and its copy in the page.
+constexpr uint64_t kMicromapBytes = 2 * (4 + (1 << 14));
+// Pages worth of triangles in the smallest set: less would read the spool again and again.
+constexpr uint64_t kSmallestSetPages = 4;
 
-struct PageInput {
-  std::vector<PackTriangle> triangles;          // by ascending prim
-  std::vector<std::vector<std::byte>> micromaps;  // empty, or one a triangle
+using Clock = std::chrono::steady_clock;
+
+// A page's triangles in the set, by ascending prim.
+struct PageSpan {
+  uint32_t object;
+  std::span<const PackTriangle> triangles;
 };
-
-// ---- plan ----
-
-struct ObjectChunks {
-  std::vector<const PlacedChunk*> chunks;
-  std::vector<size_t> first_item;  // of each chunk
-  size_t item_count = 0;
-};
-
-std::vector<ObjectChunks> chunks_by_object(const SpooledScene& scene) {
-  std::vector<ObjectChunks> objects(scene.object_count);
-  for (const PlacedChunk& placed : scene.chunks) {
-    ObjectChunks& object = objects[scene.meshes[placed.mesh].row.object];
-    object.chunks.push_back(&placed);
-    object.first_item.push_back(object.item_count);
-    object.item_count += placed.chunk.face_count;
-  }
-  return objects;
-}
-
-Status load_chunk(const PlacedChunk& placed, SpoolReader& reader, std::span<ClusterItem> items) {
-  SPILLWAY_ASSIGN(const cache::AttributeSegmentData data, reader.read(placed.chunk, false));
-  for (uint32_t face = 0; face < placed.chunk.face_count; ++face) {
-    items[face] = {{}, placed.first_prim + face};
-    for (int k = 0; k < 3; ++k) items[face].bounds.grow(data.positions[data.indices[3 * face + k]]);
-  }
-  return {};
-}
-
-Status load_items(const SpooledScene& scene, const ObjectChunks& object, std::span<ClusterItem> items) {
-  return parallel_status(block_count(object.chunks.size(), kChunksPerRead), [&](size_t block) -> Status {
-    SpoolReader reader(*scene.spool);
-    const size_t end = std::min(object.chunks.size(), (block + 1) * kChunksPerRead);
-    for (size_t c = block * kChunksPerRead; c < end; ++c)
-      SPILLWAY_TRY(load_chunk(*object.chunks[c], reader, items.subspan(object.first_item[c])));
-    return {};
-  });
-}
-
-Status check_memory(const SpooledScene& scene, const std::vector<ObjectChunks>& objects, uint64_t limit_bytes) {
-  size_t largest = 0;
-  for (const ObjectChunks& object : objects) largest = std::max(largest, object.item_count);
-  const uint64_t need = uint64_t{scene.prim_count} * sizeof(uint32_t) + largest * sizeof(ClusterItem);
-  if (need <= limit_bytes) return {};
-  return error("packing {} triangles ({} in the largest object) takes {} MiB, but {} MiB are allowed; allow more with "
-               "--memory", scene.prim_count, largest, (need >> 20) + 1, limit_bytes >> 20);
-}
-
-void add_pages(PagePlan& plan, std::span<const ClusterItem> items, std::span<const uint32_t> begins, uint32_t object) {
-  for (size_t p = 0; p < begins.size(); ++p) {
-    const size_t end = p + 1 < begins.size() ? begins[p + 1] : items.size();
-    cache::PageLocation page{};
-    page.triangle_count = static_cast<uint32_t>(end - begins[p]);
-    page.object = object;
-    const auto index = static_cast<uint32_t>(plan.pages.size());
-    for (size_t i = begins[p]; i < end; ++i) plan.page_of_prim[items[i].triangle] = index;
-    plan.pages.push_back(page);
-  }
-}
-
-// ---- write ----
-
-// Pages [first, last) of a chunk: those it has triangles in.
-struct PageRange {
-  uint32_t first = UINT32_MAX, last = 0;
-};
-
-struct BatchPlan {
-  std::vector<PageRange> chunk_pages;  // by chunk
-  std::vector<uint64_t> page_bytes;    // what building a page takes
-};
-
-BatchPlan plan_batches(const SpooledScene& scene, const PagePlan& plan) {
-  BatchPlan batches{std::vector<PageRange>(scene.chunks.size()), std::vector<uint64_t>(plan.pages.size(), 0)};
-  for (size_t c = 0; c < scene.chunks.size(); ++c) {
-    const PlacedChunk& placed = scene.chunks[c];
-    const bool has_alpha = scene.meshes[placed.mesh].row.alpha_texture != TextureId::kNone;
-    PageRange& range = batches.chunk_pages[c];
-    for (uint32_t face = 0; face < placed.chunk.face_count; ++face) {
-      const uint32_t page = plan.page_of_prim[placed.first_prim + face];
-      range = {std::min(range.first, page), std::max(range.last, page + 1)};
-      batches.page_bytes[page] += kBuildBytesPerTriangle + (has_alpha ? 2 * kMicromapBytes : 0);
-    }
-  }
-  return batches;
-}
-
-// At least one page, and as many as fit.
-uint32_t batch_end(const BatchPlan& batches, uint32_t first, uint64_t limit_bytes) {
-  uint64_t bytes = batches.page_bytes[first];
-  uint32_t last = first + 1;
-  while (last < batches.page_bytes.size() && bytes + batches.page_bytes[last] <= limit_bytes)
-    bytes += batches.page_bytes[last++];
-  return last;
-}
 
 // uvs of a face; meshes without have pbrt's default corners.
 void face_uvs(const cache::AttributeSegmentData& data, const uint16_t* corner, Float2 (&uv)[3]) {
@@ -125,126 +39,206 @@ void face_uvs(const cache::AttributeSegmentData& data, const uint16_t* corner, F
   for (int k = 0; k < 3; ++k) uv[k] = data.uvs.empty() ? kCorners[k] : data.uvs[corner[k]];
 }
 
-class BatchFiller {
+// Which chunk a triangle came from, for the few that have alpha.
+class AlphaBaker {
  public:
-  BatchFiller(const SpooledScene& scene, const PagePlan& plan, const BakeMicromap& bake, uint32_t first, uint32_t last)
-      : scene_(scene), plan_(plan), bake_(bake), reader_(*scene.spool), first_(first), last_(last),
-        inputs_(last - first) {
-    for (uint32_t p = first; p < last; ++p) inputs_[p - first].triangles.reserve(plan.pages[p].triangle_count);
+  AlphaBaker(const SpooledScene& scene, const BakeMicromap& bake) : scene_(scene), bake_(bake) {
+    has_alpha_ = std::any_of(scene.meshes.begin(), scene.meshes.end(),
+                             [](const SpooledMesh& mesh) { return mesh.row.alpha_texture != TextureId::kNone; });
   }
 
-  Status add_chunk(const PlacedChunk& placed) {
-    const uint32_t alpha = scene_.meshes[placed.mesh].row.alpha_texture;
-    SPILLWAY_ASSIGN(const cache::AttributeSegmentData data,
-                    reader_.read(placed.chunk, alpha != TextureId::kNone));
+  [[nodiscard]] uint64_t bytes_per_triangle() const { return has_alpha_ ? kMicromapBytes : 0; }
+  // One micromap a triangle; empty when none has any.
+  Result<std::vector<std::vector<std::byte>>> bake(std::span<const PackTriangle> triangles) const {
     std::vector<std::vector<std::byte>> micromaps;
-    if (alpha != TextureId::kNone) SPILLWAY_TRY(bake_chunk(placed, data, alpha, micromaps));
-    for (uint32_t face = 0; face < placed.chunk.face_count; ++face) {
-      PageInput* page = page_of(placed.first_prim + face);
-      if (page == nullptr) continue;
-      PackTriangle triangle{};
-      triangle.prim = placed.first_prim + face;
-      for (int k = 0; k < 3; ++k) triangle.vertex[k] = data.positions[data.indices[3 * face + k]];
-      page->triangles.push_back(triangle);
-      if (!micromaps.empty() && !micromaps[face].empty()) put_micromap(*page, std::move(micromaps[face]));
+    if (!has_alpha_) return micromaps;
+    SpoolReader reader(*scene_.spool);
+    for (size_t first = 0; first < triangles.size();) {
+      const PlacedChunk& placed = chunk_of(triangles[first].prim);
+      size_t last = first + 1;
+      while (last < triangles.size() && triangles[last].prim - placed.first_prim < placed.chunk.face_count) ++last;
+      const uint32_t texture = scene_.meshes[placed.mesh].row.alpha_texture;
+      if (texture != TextureId::kNone) {
+        micromaps.resize(triangles.size());
+        SPILLWAY_TRY(bake_chunk(placed, texture, triangles.subspan(first, last - first), reader, &micromaps[first]));
+      }
+      first = last;
     }
-    return {};
-  }
-
-  std::vector<PageInput> take() {
-    for (PageInput& page : inputs_)
-      if (!page.micromaps.empty()) page.micromaps.resize(page.triangles.size());
-    return std::move(inputs_);
+    if (std::ranges::all_of(micromaps, &std::vector<std::byte>::empty)) micromaps.clear();
+    return micromaps;
   }
 
  private:
-  PageInput* page_of(uint32_t prim) {
-    const uint32_t page = plan_.page_of_prim[prim];
-    return page >= first_ && page < last_ ? &inputs_[page - first_] : nullptr;
+  [[nodiscard]] const PlacedChunk& chunk_of(uint32_t prim) const {
+    const auto after = std::upper_bound(scene_.chunks.begin(), scene_.chunks.end(), prim,
+                                        [](uint32_t p, const PlacedChunk& placed) { return p < placed.first_prim; });
+    return after[-1];
   }
-
-  Status bake_chunk(const PlacedChunk& placed, const cache::AttributeSegmentData& data, uint32_t texture,
-                    std::vector<std::vector<std::byte>>& micromaps) {
-    micromaps.resize(placed.chunk.face_count);
-    return parallel_status(micromaps.size(), [&](size_t face) -> Status {
-      if (page_of(placed.first_prim + static_cast<uint32_t>(face)) == nullptr) return {};
+  Status bake_chunk(const PlacedChunk& placed, uint32_t texture, std::span<const PackTriangle> triangles,
+                    SpoolReader& reader, std::vector<std::byte>* micromaps) const {
+    SPILLWAY_ASSIGN(const cache::AttributeSegmentData data, reader.read(placed.chunk, true));
+    return parallel_status(triangles.size(), [&](size_t i) -> Status {
       Float2 uv[3];
-      face_uvs(data, &data.indices[3 * face], uv);
-      SPILLWAY_ASSIGN(micromaps[face], bake_(texture, uv));
+      face_uvs(data, &data.indices[size_t{3} * (triangles[i].prim - placed.first_prim)], uv);
+      SPILLWAY_ASSIGN(micromaps[i], bake_(texture, uv));
       return {};
     });
   }
 
-  static void put_micromap(PageInput& page, std::vector<std::byte> micromap) {
-    page.micromaps.resize(page.triangles.size());
-    page.micromaps.back() = std::move(micromap);
-  }
-
   const SpooledScene& scene_;
-  const PagePlan& plan_;
   const BakeMicromap& bake_;
-  SpoolReader reader_;
-  uint32_t first_, last_;
-  std::vector<PageInput> inputs_;
+  bool has_alpha_ = false;
 };
 
-Status write_page(const Buffer<std::byte>& bytes, cache::PageLocation& page, Bounds3& bounds, cache::WriteFile& file) {
-  const auto& header = *reinterpret_cast<const cache::TracePageHeader*>(bytes.data());
-  page.offset_bytes = file.size_bytes();
-  page.size_bytes = bytes.size();
-  bounds = {header.lower, header.upper};
-  return file.append(bytes);
+class PagePacker {
+ public:
+  PagePacker(const SpooledScene& scene, const BakeMicromap& bake, const PackPagesOptions& options,
+             cache::WriteFile& file, PackReport& report)
+      : scene_(scene), options_(options), file_(file), report_(report), baker_(scene, bake), sets_(scene) {}
+
+  Result<PackedPages> run();
+
+ private:
+  Status share_memory();
+  [[nodiscard]] std::vector<PageSpan> cluster(const TriangleSet& set);
+  Status build_and_write(std::span<const PageSpan> pages);
+  Result<Buffer<std::byte>> build(const PageSpan& page);
+  Status write(const PageSpan& page, const Buffer<std::byte>& bytes);
+
+  const SpooledScene& scene_;
+  const PackPagesOptions& options_;
+  cache::WriteFile& file_;
+  PackReport& report_;
+  AlphaBaker baker_;
+  TriangleSets sets_;
+  uint64_t max_set_ = 0;
+  size_t tokens_ = 1;  // pages being built, or waiting to be written
+  Buffer<PackTriangle> triangles_;
+  std::atomic<uint64_t> build_nanoseconds_ = 0;
+  PackedPages packed_;
+};
+
+// Pages under way take at most a quarter of the limit, down to one; the rest holds triangles.
+Status PagePacker::share_memory() {
+  const uint64_t page = options_.max_triangles_per_page, limit = options_.memory_limit_bytes;
+  const uint64_t largest_page = std::min(page, sets_.largest_object());
+  const uint64_t page_bytes =
+      std::max<uint64_t>(1, largest_page * (kBuildBytesPerTriangle + baker_.bytes_per_triangle()));
+  const auto threads = static_cast<uint64_t>(tbb::this_task_arena::max_concurrency());
+  tokens_ = std::clamp<uint64_t>(limit / 4 / page_bytes, 1, threads + 2);
+  const uint64_t smallest_set = std::min(kSmallestSetPages * page, sets_.largest_object());
+  // The largest micromaps are rare: one page of nothing else is not what a scene is refused for.
+  const uint64_t build_bytes =
+      baker_.bytes_per_triangle() == 0 ? tokens_ * page_bytes : std::min(tokens_ * page_bytes, limit / 4);
+  const uint64_t needed = build_bytes + smallest_set * sizeof(PackTriangle);
+  if (needed > limit)
+    return error(
+        "packing {} triangles takes at least {} MiB beside the scene's tables, but {} MiB are left; allow more with "
+        "--memory",
+        scene_.prim_count, (needed >> 20) + 1, limit >> 20);
+  max_set_ = std::max((limit - build_bytes) / sizeof(PackTriangle), page);
+  return {};
 }
 
-Status write_batch(std::vector<PageInput> inputs, uint32_t first, PagePlan& plan, const BuildOptions& tree,
-                   std::vector<Bounds3>& bounds, cache::WriteFile& file, uint64_t& content) {
-  std::vector<Buffer<std::byte>> built(inputs.size());
-  tbb::parallel_for(size_t{0}, inputs.size(), [&](size_t i) {
-    built[i] = build_trace_page(inputs[i].triangles, inputs[i].micromaps, tree);
-    inputs[i] = {};
+// The pages of a set; the spans are of triangles_.
+std::vector<PageSpan> PagePacker::cluster(const TriangleSet& set) {
+  const PackStepTimer timer(report_, "cluster_pages");
+  const ClusterPagesOptions options{.max_triangles_per_page = options_.max_triangles_per_page};
+  const std::span<PackTriangle> all(triangles_.data(), set.count);
+  const size_t object_count = set.last_object - set.first_object;
+  std::vector<std::vector<PageSpan>> pages(object_count);
+  std::vector<uint64_t> first(object_count + 1, 0);
+  for (size_t i = 0; i < object_count; ++i)
+    first[i + 1] = first[i] + (set.cuts ? set.count : sets_.object_count(set.first_object + static_cast<uint32_t>(i)));
+  parallel_blocks(object_count, 1, [&](size_t i, size_t, size_t) {
+    const std::span<PackTriangle> mine = all.subspan(first[i], first[i + 1] - first[i]);
+    const std::vector<uint32_t> begins = cluster_pages(mine, options, set.depth);
+    for (size_t p = 0; p < begins.size(); ++p) {
+      const size_t end = p + 1 < begins.size() ? begins[p + 1] : mine.size();
+      pages[i].push_back({set.first_object + static_cast<uint32_t>(i), mine.subspan(begins[p], end - begins[p])});
+    }
   });
-  for (size_t i = 0; i < built.size(); ++i) {
-    content = hash_combine(content, reinterpret_cast<const cache::TracePageHeader*>(built[i].data())->checksum);
-    SPILLWAY_TRY(write_page(built[i], plan.pages[first + i], bounds[first + i], file));
-    built[i] = {};
+  std::vector<PageSpan> joined;
+  for (const std::vector<PageSpan>& object : pages) joined.insert(joined.end(), object.begin(), object.end());
+  return joined;
+}
+
+Result<Buffer<std::byte>> PagePacker::build(const PageSpan& page) {
+  const Clock::time_point start = Clock::now();
+  SPILLWAY_ASSIGN(const auto micromaps, baker_.bake(page.triangles));
+  Buffer<std::byte> bytes = build_trace_page(page.triangles, micromaps, options_.tree);
+  build_nanoseconds_ += static_cast<uint64_t>(std::chrono::nanoseconds(Clock::now() - start).count());
+  return bytes;
+}
+
+Status PagePacker::write(const PageSpan& page, const Buffer<std::byte>& bytes) {
+  const auto& header = *reinterpret_cast<const cache::TracePageHeader*>(bytes.data());
+  cache::PageLocation location{};
+  location.offset_bytes = file_.size_bytes(), location.size_bytes = bytes.size();
+  location.triangle_count = static_cast<uint32_t>(page.triangles.size());
+  location.object = page.object;
+  packed_.pages.push_back(location);
+  packed_.bounds.push_back({header.lower, header.upper});
+  packed_.content = hash_combine(packed_.content, header.checksum);
+  return file_.append(bytes);
+}
+
+// Pages are built side by side and written in order; the first failure stops what follows.
+Status PagePacker::build_and_write(std::span<const PageSpan> pages) {
+  const PackStepTimer timer(report_, "build_trees");
+  using Built = std::shared_ptr<Result<Buffer<std::byte>>>;
+  size_t next = 0, written = 0;
+  Status status;
+  std::atomic<bool> stopped = false;
+  const auto source = [&](tbb::flow_control& control) -> size_t {
+    if (next < pages.size() && !stopped) return next++;
+    control.stop();
+    return 0;
+  };
+  const auto make = [&](size_t p) { return std::make_shared<Result<Buffer<std::byte>>>(build(pages[p])); };
+  const auto sink = [&](const Built& built) {
+    if (!status) return;
+    const Clock::time_point start = Clock::now();
+    status = *built ? write(pages[written], **built) : Status(built->error());
+    report_.step("write_pages").thread_seconds += std::chrono::duration<double>(Clock::now() - start).count();
+    ++written;
+    if (!status) stopped = true;
+  };
+  tbb::parallel_pipeline(tokens_, tbb::make_filter<void, size_t>(tbb::filter_mode::serial_in_order, source) &
+                                      tbb::make_filter<size_t, Built>(tbb::filter_mode::parallel, make) &
+                                      tbb::make_filter<Built, void>(tbb::filter_mode::serial_in_order, sink));
+  return status;
+}
+
+Result<PackedPages> PagePacker::run() {
+  SPILLWAY_TRY(share_memory());
+  std::vector<TriangleSet> sets;
+  {
+    const PackStepTimer timer(report_, "cut_sets");
+    SPILLWAY_ASSIGN(
+        sets, sets_.cut(max_set_, {.max_triangles_per_page = options_.max_triangles_per_page}, report_.pass_count));
   }
-  return {};
+  for (const TriangleSet& set : sets)
+    report_.largest_set_triangles = std::max(report_.largest_set_triangles, set.count);
+  report_.set_count = sets.size();
+  triangles_ = Buffer<PackTriangle>(MemoryTag::pack, report_.largest_set_triangles);
+  for (const TriangleSet& set : sets) {
+    {
+      const PackStepTimer timer(report_, "load_triangles");
+      SPILLWAY_TRY(sets_.load(set, {triangles_.data(), set.count}));
+    }
+    SPILLWAY_TRY(build_and_write(cluster(set)));
+  }
+  report_.step("build_trees").thread_seconds = static_cast<double>(build_nanoseconds_.load()) * 1e-9;
+  report_.page_count = packed_.pages.size();
+  return std::move(packed_);
 }
 
 }  // namespace
 
-Result<PagePlan> plan_pages(const SpooledScene& scene, const PackPagesOptions& options) {
-  const std::vector<ObjectChunks> objects = chunks_by_object(scene);
-  SPILLWAY_TRY(check_memory(scene, objects, options.memory_limit_bytes));
-  PagePlan plan;
-  plan.page_of_prim = Buffer<uint32_t>(MemoryTag::pack, scene.prim_count);
-  for (uint32_t o = 0; o < scene.object_count; ++o) {
-    Buffer<ClusterItem> items(MemoryTag::pack, objects[o].item_count);
-    SPILLWAY_TRY(load_items(scene, objects[o], items));
-    const std::vector<uint32_t> begins =
-        cluster_pages(items, {.max_triangles_per_page = options.max_triangles_per_page});
-    add_pages(plan, items, begins, o);
-  }
-  return plan;
-}
-
-Result<std::vector<Bounds3>> pack_pages(const SpooledScene& scene, PagePlan& plan, const BakeMicromap& bake,
-                                        const PackPagesOptions& options, cache::WriteFile& file,
-                                        uint64_t& content) {
-  std::vector<Bounds3> bounds(plan.pages.size());
-  const BatchPlan batches = plan_batches(scene, plan);
-  const uint64_t table_bytes = plan.page_of_prim.size_bytes();
-  const uint64_t limit_bytes = options.memory_limit_bytes - std::min(options.memory_limit_bytes, table_bytes);
-  for (uint32_t first = 0; first < plan.pages.size();) {
-    const uint32_t last = batch_end(batches, first, limit_bytes);
-    BatchFiller filler(scene, plan, bake, first, last);
-    for (size_t c = 0; c < scene.chunks.size(); ++c)
-      if (batches.chunk_pages[c].first < last && batches.chunk_pages[c].last > first)
-        SPILLWAY_TRY(filler.add_chunk(scene.chunks[c]));
-    SPILLWAY_TRY(write_batch(filler.take(), first, plan, options.tree, bounds, file, content));
-    first = last;
-  }
-  return bounds;
+Result<PackedPages> pack_pages(const SpooledScene& scene, const BakeMicromap& bake, const PackPagesOptions& options,
+                               cache::WriteFile& file, PackReport& report) {
+  return PagePacker(scene, bake, options, file, report).run();
 }
 
 }  // namespace spillway::pipeline

@@ -1,14 +1,15 @@
 #pragma once
 
-// Plans which triangle goes to which page, and writes the trace pages.
+// Cuts the scene's triangles into pages, and writes the trace pages.
 //
 // In:     the spooled scene.
 // Out:    pages.trace: pages of the world first, then of the prototypes in their order, each object's in depth-first
-//         order of its clustering; one PageLocation and the exact bounds of each page.
-// Memory: tag pack. Planning: 28 bytes a triangle of one object at a time, and 4 a triangle of the scene. Writing:
-//         those 4, and pages in batches that fit the limit; each batch reads the chunks that have a share in it.
+//         order of its clustering; one PageLocation and the exact bounds of each page; the pages' checksums, chained.
+// Memory: tag pack, within the limit: a set of triangles at a time, 40 bytes each (small objects together, an object
+//         that does not fit in several sets), and the pages that are being built. Cutting an object into sets takes a
+//         pass over its chunks for each level of cuts, and each set reads the chunks that have a share in it.
 // Order:  clustering depends on sets alone; a page's triangles are ordered by prim; pages are built one a thread and
-//         written in order. So threads, limit and batches do not reach the file.
+//         written in order. So threads, limit and sets do not reach the file.
 
 #include <functional>
 #include <vector>
@@ -17,6 +18,7 @@
 #include "cache/trace_page.h"
 #include "pipeline/pack/build_trees.h"
 #include "pipeline/pack/mesh_spool.h"
+#include "pipeline/pack/pack_report.h"
 
 namespace spillway::pipeline {
 
@@ -29,16 +31,13 @@ struct PackPagesOptions {
 // The opacity micromap of a triangle with the uvs given, or empty when all of it is opaque.
 using BakeMicromap = std::function<Result<std::vector<std::byte>>(uint32_t texture, const Float2 (&uv)[3])>;
 
-struct PagePlan {
-  Buffer<uint32_t> page_of_prim;
-  std::vector<cache::PageLocation> pages;  // offsets and sizes are set when the pages are written
+struct PackedPages {
+  std::vector<cache::PageLocation> pages;
+  std::vector<Bounds3> bounds;  // of each page, in the space of its object
+  uint64_t content = 0;
 };
 
-Result<PagePlan> plan_pages(const SpooledScene& scene, const PackPagesOptions& options);
-
-// Sets offset and size of each page of the plan. Returns the pages' bounds, in the space of their object, and chains their
-// checksums into `content`.
-Result<std::vector<Bounds3>> pack_pages(const SpooledScene& scene, PagePlan& plan, const BakeMicromap& bake,
-                                        const PackPagesOptions& options, cache::WriteFile& file, uint64_t& content);
+Result<PackedPages> pack_pages(const SpooledScene& scene, const BakeMicromap& bake, const PackPagesOptions& options,
+                               cache::WriteFile& file, PackReport& report);
 
 }  // namespace spillway::pipeline

@@ -66,7 +66,7 @@ std::string one_line(std::string text) {
 struct ScenePacker::Packed {
   std::vector<cache::ImageInfo> images;
   std::vector<AttributeLocation> attributes;
-  PagePlan plan;
+  PackedPages pages;
   ContentChecksums content;
   PackedPageTree tree;
   PackedLights lights;
@@ -232,7 +232,9 @@ Status ScenePacker::finish() {
   if (!has_settings_) return failed(error("{}: the scene has no camera", directory_.string()));
   SPILLWAY_TRY(failed(check_settings(settings_, "the scene's settings")));
   SPILLWAY_TRY(failed(check_camera_path(camera_path_, settings_, "the scene's camera path")));
+  report_.step("import").seconds = seconds_since_creation();
   const Status written = write_store();
+  report_.seconds = seconds_since_creation();
   if (!written) {
     remove_output();
     return failed(written);
@@ -269,6 +271,25 @@ void ScenePacker::keep_instances_of_triangles() {
   std::erase_if(instances_, [&](const cache::Instance& i) { return i.object != 0 && !has_triangles[i.object]; });
 }
 
+// What the tables of the scene take while triangles are packed.
+uint64_t ScenePacker::table_bytes() const {
+  uint64_t bytes = scene_.chunks.size() * (sizeof(PlacedChunk) + sizeof(MeshChunk) + sizeof(uint32_t)) +
+                   scene_.meshes.size() * sizeof(SpooledMesh) + instances_.size() * sizeof(cache::Instance);
+  for (const SpooledMesh& mesh : scene_.meshes) bytes += mesh.name.capacity();
+  return bytes;
+}
+
+// Refused now rather than after minutes of writing. Every triangle takes a quarter of a leaf and a share of a node.
+Status ScenePacker::check_disk() const {
+  constexpr uint64_t kLeastPageBytes = sizeof(cache::TraceLeaf) / 4 + sizeof(cache::TraceNode) / 32;
+  const uint64_t needed = scene_.prim_count * kLeastPageBytes + attribute_bytes(scene_.chunks);
+  std::error_code code;
+  const fs::space_info space = fs::space(directory_, code);
+  if (code || space.available >= needed) return {};
+  return error("{}: the disk is full: the store needs at least {} bytes and {} are free; free space or name another place",
+               directory_.string(), needed, space.available);
+}
+
 Status ScenePacker::write_store() {
   Packed packed;
   wrote_output_ = true;
@@ -280,22 +301,43 @@ Status ScenePacker::write_store() {
   SPILLWAY_TRY(spool_->seal());
   SPILLWAY_TRY(number_meshes());
   keep_instances_of_triangles();
+  SPILLWAY_TRY(check_disk());
+  SPILLWAY_TRY(write_images(packed));
+  SPILLWAY_TRY(write_attributes(packed));
+  SPILLWAY_TRY(open_images(packed));
+  SPILLWAY_TRY(write_pages(packed));
+  {
+    const PackStepTimer timer(report_, "lights");
+    SPILLWAY_TRY(write_lights(packed));
+  }
+  const PackStepTimer timer(report_, "manifest");
+  return write_manifest(packed);
+}
+
+Status ScenePacker::write_images(Packed& packed) {
+  const PackStepTimer timer(report_, "images");
   SPILLWAY_ASSIGN(packed.images,
                   pack_images(images_, directory_ / kTexturesDirectory, options_.memory_limit_bytes));
   remove_packed_images(directory_ / kTexturesDirectory, packed.images);
+  return {};
+}
+
+Status ScenePacker::write_attributes(Packed& packed) {
+  const PackStepTimer timer(report_, "attributes");
   SPILLWAY_ASSIGN(auto attributes, cache::WriteFile::create(directory_ / kAttributesFile, cache::IoPurpose::pack));
-  SPILLWAY_ASSIGN(packed.attributes, pack_attributes(scene_, options_.max_faces_per_attribute_block, attributes,
-                                                     packed.content.attributes));
-  SPILLWAY_TRY(attributes.commit());
-  SPILLWAY_TRY(open_images(packed));
-  SPILLWAY_TRY(write_pages(packed));
+  SPILLWAY_ASSIGN(packed.attributes, pack_attributes(scene_, options_.max_faces_per_attribute_block,
+                                                     options_.memory_limit_bytes, attributes, packed.content.attributes));
+  return attributes.commit();
+}
+
+Status ScenePacker::write_lights(Packed& packed) {
   if (environment_image_.valid()) {
     const uint32_t image = environment_image_.value;
     SPILLWAY_ASSIGN(packed.environment,
                     pack_environment(image, packed.images[image], *packed.textures, images_[image].file.string()));
   }
   SPILLWAY_ASSIGN(packed.lights, pack_lights(scene_, lights_, packed.environment, packed.tree.bounds_world));
-  return write_manifest(packed);
+  return {};
 }
 
 Status ScenePacker::open_images(Packed& packed) const {
@@ -306,16 +348,26 @@ Status ScenePacker::open_images(Packed& packed) const {
 }
 
 Status ScenePacker::write_pages(Packed& packed) {
-  const PackPagesOptions options{options_.max_triangles_per_page, options_.tree, options_.memory_limit_bytes};
+  const uint64_t held = table_bytes() + (packed.textures ? options_.memory_limit_bytes / 8 : 0);
+  const PackPagesOptions options{options_.max_triangles_per_page, options_.tree,
+                                 options_.memory_limit_bytes - std::min(options_.memory_limit_bytes, held)};
   const BakeMicromap bake = [&](uint32_t texture, const Float2(&uv)[3]) {
     return bake_micromap(uv, texture, textures_, packed.images, packed.textures.get());
   };
   SPILLWAY_ASSIGN(auto file, cache::WriteFile::create(directory_ / kTracePagesFile, cache::IoPurpose::pack));
-  SPILLWAY_ASSIGN(packed.plan, plan_pages(scene_, options));
-  SPILLWAY_ASSIGN(const std::vector<Bounds3> bounds, pack_pages(scene_, packed.plan, bake, options, file,
-                                                                   packed.content.trace_pages));
-  packed.tree = pack_page_tree(bounds, packed.plan.pages, instances_, scene_.object_count, options_.tree);
-  return file.commit();
+  SPILLWAY_ASSIGN(packed.pages, pack_pages(scene_, bake, options, file, report_));
+  packed.content.trace_pages = packed.pages.content;
+  {
+    const PackStepTimer timer(report_, "write_pages");
+    SPILLWAY_TRY(file.commit());
+  }
+  const PackStepTimer timer(report_, "page_tree");
+  packed.tree = pack_page_tree(packed.pages.bounds, packed.pages.pages, instances_, scene_.object_count, options_.tree);
+  return {};
+}
+
+double ScenePacker::seconds_since_creation() const {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now() - created_).count();
 }
 
 SceneStatistics ScenePacker::statistics(const Packed& packed) const {
@@ -344,13 +396,15 @@ Status ScenePacker::write_manifest(const Packed& packed) {
   // No padding inside, whose bytes would be anything.
   static_assert(sizeof(SceneSettings) == 208);
   settings_.statistics = statistics(packed);
+  report_.triangle_count = scene_.prim_count, report_.instance_count = instances_.size() - 1;
+  report_.mesh_count = scene_.meshes.size(), report_.attribute_block_count = packed.attributes.size();
   std::vector<Mesh> meshes;
   for (const SpooledMesh& mesh : scene_.meshes) meshes.push_back(mesh.row);
   const std::string names = name_lines(), sources = source_record(options_.source_files);
 
   cache::SectionWriter writer(kStoreKind, kStoreVersion);
   const auto add = [&](const char* name, const auto& items) {
-    writer.add(name, std::as_bytes(std::span(items.data(), items.size())));
+    writer.add_view(name, std::as_bytes(std::span(items.data(), items.size())));
   };
   writer.add(section::kSettings, std::as_bytes(std::span(&settings_, 1)));
   add(section::kMeshes, meshes);
@@ -360,7 +414,7 @@ Status ScenePacker::write_manifest(const Packed& packed) {
   add(section::kLights, packed.lights.lights);
   add(section::kLightCdf, packed.lights.cdf);
   add(section::kEnvironment, packed.environment);
-  add(section::kPages, packed.plan.pages);
+  add(section::kPages, packed.pages.pages);
   add(section::kTreeNodes, packed.tree.nodes);
   add(section::kTreeEntries, packed.tree.entries);
   add(section::kTreeObjects, packed.tree.objects);

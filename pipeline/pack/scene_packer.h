@@ -3,14 +3,15 @@
 // The scene sink that writes a store.
 //
 // Owns: the store directory while it packs; scratch files; tables of what was said so far.
-// Memory: tag pack. Meshes go to scratch at once and leave a row of some hundred bytes; finish() takes 28 bytes a
-//         triangle of the largest object and 4 a triangle of the scene, and uses what else the limit allows.
+// Memory: tag pack. Meshes go to scratch at once and leave a row of some hundred bytes; finish() holds as many triangles
+//         at a time as the limit allows beside those rows (40 bytes each).
 // Threads: one caller; finish() works on all threads of the current arena.
 // Fails: the first error is final: every later call returns it. A store that is already in the directory stays whole
 //        until finish() begins to write; from then on there is no manifest until all else is in place. What a failed
 //        packing wrote is removed.
 // Order: the store's bytes depend on what was said and in which order alone, not on threads, memory limit or scratch.
 
+#include <chrono>
 #include <filesystem>
 #include <map>
 #include <memory>
@@ -23,6 +24,7 @@
 #include "pipeline/pack/build_trees.h"
 #include "pipeline/pack/mesh_spool.h"
 #include "pipeline/pack/pack_images.h"
+#include "pipeline/pack/pack_report.h"
 #include "pipeline/pack/scene_sink.h"
 #include "pipeline/store_validation.h"
 
@@ -57,6 +59,8 @@ class ScenePacker final : public SceneSink {
   void set_camera_path(uint32_t first_frame, std::span<const shading::Camera> cameras) override;
   Status finish() override;
 
+  // What the steps cost; whole after finish().
+  [[nodiscard]] const PackReport& report() const { return report_; }
   // More of PackOptions::source_files, found while importing. Images are added by themselves.
   void add_source_file(const std::filesystem::path& file) { options_.source_files.push_back(file); }
 
@@ -71,6 +75,12 @@ class ScenePacker final : public SceneSink {
   Status write_store();
   Status number_meshes();
   void keep_instances_of_triangles();
+  [[nodiscard]] uint64_t table_bytes() const;
+  Status check_disk() const;
+  [[nodiscard]] double seconds_since_creation() const;
+  Status write_images(Packed& packed);
+  Status write_attributes(Packed& packed);
+  Status write_lights(Packed& packed);
   Status open_images(Packed& packed) const;
   Status write_pages(Packed& packed);
   SceneStatistics statistics(const Packed& packed) const;
@@ -95,6 +105,8 @@ class ScenePacker final : public SceneSink {
   ImageId environment_image_;
   std::vector<cache::Instance> instances_;
   uint64_t degenerate_count_ = 0;
+  PackReport report_;
+  std::chrono::steady_clock::time_point created_ = std::chrono::steady_clock::now();
   Status state_;               // the first error
   bool has_settings_ = false;
   bool wrote_output_ = false;  // files of ours may be in the directory

@@ -82,7 +82,7 @@ class ChunkMaker {
 
 Status append_chunk(ChunkMaker& maker, MeshSpool& spool, SpooledMesh& mesh) {
   if (maker.face_count() == 0) return {};
-  SPILLWAY_ASSIGN(const MeshChunk chunk, spool.append(maker.data()));
+  SPILLWAY_ASSIGN(const MeshChunk chunk, spool.append(maker.data(), mesh.row.material));
   mesh.chunks.push_back(chunk);
   mesh.row.face_count += chunk.face_count;
   maker.clear();

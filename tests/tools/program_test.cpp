@@ -208,6 +208,56 @@ TEST_F(ProgramTest, a_full_scratch_disk_stops_the_render_and_says_how_much_was_n
   expect_refused(full, {"scratch disk is full", "more"});
 }
 
+// A limit on the size of files stands for a full disk: the same error comes back from a write.
+TEST_F(ProgramTest, a_disk_that_fills_while_packing_leaves_nothing_that_looks_whole) {
+  const int blocks = 1024;  // of 1 KiB, less than the pages of the courtyard
+  const Ended full = run("cd " + folder_.string() + " && bash -c 'ulimit -f " + std::to_string(blocks) + "; " SPILLWAY_PROGRAM
+                         " pack " + courtyard_ + " -o c.store'");
+  EXPECT_EQ(full.code, 3) << full.said;
+  EXPECT_NE(full.said.find("disk is full"), std::string::npos) << full.said;
+  EXPECT_FALSE(exists("c.store/manifest.spw"));
+  size_t files = 0;
+  for (const auto& entry : fs::recursive_directory_iterator(folder_)) files += entry.is_regular_file();
+  EXPECT_EQ(files, 0u);
+  const Ended opened = spillway("render c.store -o out.exr");
+  EXPECT_EQ(opened.code, 3);
+  EXPECT_NE(opened.said.find("is no store"), std::string::npos) << opened.said;
+}
+
+TEST_F(ProgramTest, packing_reports_its_steps_and_keeps_its_limit) {
+  const Ended packed = spillway("pack " + courtyard_ + " -o c.store --memory 512MiB --report pack.json");
+  ASSERT_EQ(packed.code, 0) << packed.said;
+  EXPECT_NE(packed.said.find("cluster_pages"), std::string::npos) << packed.said;
+  std::ifstream file(folder_ / "pack.json");
+  const auto report = nlohmann::json::parse(file);
+  double sum = 0;
+  for (const auto& step : report["steps"]) sum += step["seconds"].get<double>();
+  EXPECT_NEAR(sum, report["seconds"].get<double>(), 0.05 * report["seconds"].get<double>() + 0.05);
+  EXPECT_LE(report["resident_peak_bytes"], 512u << 20);
+  const Ended refused = spillway("pack " + courtyard_ + " -o d.store --memory 100MiB");
+  EXPECT_EQ(refused.code, 3);
+  EXPECT_NE(refused.said.find("--memory"), std::string::npos) << refused.said;
+}
+
+TEST_F(ProgramTest, damage_is_named_by_file_and_page) {
+  ASSERT_EQ(spillway("pack " + courtyard_ + " -o c.store -q").code, 0);
+  const std::string frame = "render c.store -o out.exr --resolution 32x18 --spp 1";
+  std::fstream pages(folder_ / "c.store/pages.trace", std::ios::in | std::ios::out | std::ios::binary);
+  pages.seekp(5000);
+  pages.write("damage", 6);
+  pages.close();
+  expect_refused(spillway(frame), {"pages.trace: part 0 at byte 0", "checksum"});
+  fs::resize_file(folder_ / "c.store/pages.trace", 5000);
+  expect_refused(spillway(frame), {"pages.trace"});
+  fs::remove(folder_ / "c.store/pages.trace");
+  expect_refused(spillway(frame), {"pages.trace"});
+  std::fstream manifest(folder_ / "c.store/manifest.spw", std::ios::in | std::ios::out | std::ios::binary);
+  manifest.seekp(8);
+  manifest.put(77);
+  manifest.close();
+  expect_refused(spillway(frame), {"manifest.spw: byte 8", "version 77"});
+}
+
 TEST_F(ProgramTest, an_interrupt_leaves_a_picture_of_whole_samples) {
   ASSERT_EQ(spillway("pack " + courtyard_ + " -o c.store -q").code, 0);
   const Ended stopped = run("cd " + folder_.string() + " && timeout --preserve-status -s INT 2 " SPILLWAY_PROGRAM
