@@ -23,6 +23,8 @@ struct FaceTexWriter::Image {
 FaceTexWriter::FaceTexWriter(WriteFile file, const FaceTexFormat& format)
     : file_(std::move(file)), format_(format), decoder_(format) {}
 
+FaceTexWriter::~FaceTexWriter() = default;
+
 Result<std::unique_ptr<FaceTexWriter>> FaceTexWriter::create(const std::filesystem::path& path,
                                                              const FaceTexFormat& format, IoPurpose purpose) {
   SPILLWAY_CHECK(format.channels, >=, 1u);

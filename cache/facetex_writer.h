@@ -33,6 +33,8 @@ class FaceTexWriter {
   static Result<std::unique_ptr<FaceTexWriter>> create(const std::filesystem::path& path, const FaceTexFormat& format,
                                                        IoPurpose purpose = IoPurpose::pack);
 
+  ~FaceTexWriter();
+
   // The next texture; its faces follow, in order. Errors for faces that name wrong neighbours.
   Status begin_texture(FaceTextureShape texture);
   // 2^(ulog2 + vlog2) texels row by row from v = 0, or one of a constant face.

@@ -297,6 +297,8 @@ Status TextureCache::look_up_faces(std::span<const FaceTextureRequest> requests,
   TileThread& thread = s.thread();
   for (size_t i = 0; i < requests.size(); ++i) {
     const FaceTexture& texture = s.faces[requests[i].texture];
+    if (requests[i].face >= texture.faces.size())
+      return error("{}: face {} of {} is asked for; pack the scene again", texture.tiles->path, requests[i].face, texture.faces.size());
     float sum[4] = {0, 0, 0, 0};
     ++thread.counters[texture.owner].lookups;
     if (!look_up_face(thread, texture, requests[i], sum))
@@ -318,6 +320,7 @@ Status TextureCache::stage_faces(std::span<const FaceTextureRequest> requests) {
   for (const FaceTextureRequest& request : requests) {
     const FaceTexture& texture = s.faces[request.texture];
     tiles.clear();
+    if (request.face >= texture.faces.size()) continue;  // look_up_faces refuses it
     append_face_tiles(texture, request, tiles);
     std::vector<Wanted>& of_file = wanted[texture.file];
     for (const uint64_t tile : tiles)

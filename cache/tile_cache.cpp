@@ -86,6 +86,15 @@ TextureCounters& operator+=(TextureCounters& a, const TextureCounters& b) {
   return a;
 }
 
+TextureCounters gained(TextureCounters now, const TextureCounters& before) {
+  now.lookups -= before.lookups;
+  now.tiles_touched -= before.tiles_touched, now.unique_bytes -= before.unique_bytes;
+  now.tiles_read -= before.tiles_read, now.bytes_read -= before.bytes_read;
+  now.wave_tiles_touched -= before.wave_tiles_touched, now.wave_unique_bytes -= before.wave_unique_bytes;
+  now.tiles_read_again -= before.tiles_read_again;
+  return now;
+}
+
 // ---- a thread ----
 
 TileThread::TileThread(TileCache& cache)

@@ -32,6 +32,8 @@ struct TextureCounters {
   uint64_t wave_decoded_bytes = 0;                         // of the tiles touched in this wave: room enough for it
 };
 TextureCounters& operator+=(TextureCounters& a, const TextureCounters& b);
+// What was counted since.
+[[nodiscard]] TextureCounters gained(TextureCounters now, const TextureCounters& before);
 
 // A file of tiles as its user sees it.
 struct TileFile {

@@ -23,6 +23,7 @@
 #include "cache/trace_page.h"
 #include "pipeline/pack/build_trees.h"
 #include "pipeline/pack/mesh_spool.h"
+#include "pipeline/pack/pack_face_textures.h"
 #include "pipeline/pack/pack_images.h"
 #include "pipeline/pack/pack_report.h"
 #include "pipeline/pack/scene_sink.h"
@@ -36,6 +37,8 @@ struct PackOptions {
   // Performance: pages and blocks differ, pictures do not.
   uint32_t max_triangles_per_page = 65536;          // 1..65536; larger: fewer, longer reads
   BuildOptions tree{};
+  uint64_t max_face_container_bytes = 16ull << 30;  // larger: fewer files of face textures
+  cache::FaceTexCodec face_texture_codec = cache::FaceTexCodec::lz4;  // zstd: smaller, slower to unpack
   uint32_t max_faces_per_attribute_block = cache::kMaxFacesPerAttributeBlock;  // larger: fewer, longer reads
   // Performance: the store's bytes do not differ.
   uint64_t memory_limit_bytes = 2ull << 30;         // larger: fewer passes over the spooled meshes
@@ -48,6 +51,9 @@ class ScenePacker final : public SceneSink {
   ~ScenePacker() override;
 
   Result<ImageId> add_image(const std::filesystem::path& file, cache::TexelEncoding encoding) override;
+  Result<FaceTextureId> add_face_texture(const std::filesystem::path& file, TexelCurve encoding) override;
+  Result<FaceTextureId> begin_face_texture(const cache::FaceTexFormat& format, cache::FaceTextureShape texture) override;
+  Status add_face(std::span<const std::byte> texels) override;
   Result<TextureId> add_texture(const TextureNode& node) override;
   Result<MaterialId> add_material(const Material& material, std::string name) override;
   Status add_light(const shading::Light& light) override;
@@ -72,6 +78,8 @@ class ScenePacker final : public SceneSink {
   Result<T> fail(Error problem);
   Status failed(Status status);
   Status check_mesh(const MeshInput& mesh) const;
+  [[nodiscard]] std::vector<uint32_t> face_textures_of(const MeshInput& mesh) const;
+  Status check_faces(const MeshInput& mesh, const std::vector<uint32_t>& face_textures) const;
   Status write_store();
   Status number_meshes();
   void keep_instances_of_triangles();
@@ -97,6 +105,7 @@ class ScenePacker final : public SceneSink {
   std::vector<FrameCamera> camera_path_;
   std::vector<ImageSource> images_;
   std::map<std::pair<std::string, cache::TexelEncoding>, ImageId> image_ids_;
+  std::unique_ptr<FaceTexturePacker> face_textures_;
   std::vector<TextureNode> textures_;
   TextureCosts texture_costs_;
   std::vector<Material> materials_;

@@ -15,6 +15,14 @@
 
 namespace spillway::pipeline {
 
+// Where a hit is on a face of a face texture. (u, v) of a quad are those of its bilinear patch.
+struct FacePoint {
+  uint32_t face;
+  float u, v;
+  float width_u, width_v;  // footprint of the path's cone, along u and v
+  float random;            // of the path and its bounce, in [0, 1): chooses between levels
+};
+
 // A hit with its geometry, in world space.
 struct ShadingPoint {
   Float3 position;
@@ -25,6 +33,7 @@ struct ShadingPoint {
   Float2 uv;
   float width_world;        // footprint of the path's cone on a surface that faces it
   float width_uv;           // the same in uv units
+  const FacePoint* face = nullptr;  // of a mesh with face textures
 };
 
 // Transforms of the instance that was hit; null: the world itself.
@@ -35,6 +44,10 @@ struct InstanceTransform {
 
 [[nodiscard]] ShadingPoint shading_point(const cache::TriangleAttributes& triangle, const HitRecord& hit,
                                          const InstanceTransform& instance, bool flip_normals);
+
+// Of a triangle that has_face. width_world: of the shading point.
+[[nodiscard]] FacePoint face_point(const cache::TriangleAttributes& triangle, const HitRecord& hit,
+                                   const InstanceTransform& instance, float width_world, uint32_t seed);
 
 // What of the scene and the options a path needs to know. Spans, valid for the whole render.
 struct PathSettings {

@@ -71,7 +71,8 @@ Slot slot_of(const PlyProperty& property) {
 
 class PlyReader {
  public:
-  PlyReader(PlyBytes bytes, PlyHeader header) : bytes_(std::move(bytes)), header_(std::move(header)) {}
+  PlyReader(PlyBytes bytes, PlyHeader header, bool with_faces)
+      : bytes_(std::move(bytes)), header_(std::move(header)), with_faces_(with_faces) {}
 
   Result<PlyMesh> read() {
     bool has_vertices = false, has_faces = false;
@@ -209,12 +210,16 @@ class PlyReader {
     }
     mesh_.indices.insert(mesh_.indices.end(), {corner[0], corner[1], corner[2]});
     if (count == 4) mesh_.indices.insert(mesh_.indices.end(), {corner[0], corner[2], corner[3]});
+    if (!with_faces_) return {};
+    mesh_.faces.push_back({0, {0, 1, 2}, count == 3, count == 4 ? corner[3] : 0});
+    if (count == 4) mesh_.faces.push_back({0, {0, 2, 3}, false, corner[1]});
     return {};
   }
 
   Status read_faces(const PlyElement& element) {
-    const PlyProperty* corners = nullptr;
+    const PlyProperty *corners = nullptr, *numbers = nullptr;
     for (const PlyProperty& property : element.properties) {
+      if (property.name == "face_indices" && !property.is_list && is_integer(property.type)) numbers = &property;
       if (property.name != "vertex_indices" && property.name != "vertex_index") continue;
       if (corners != nullptr) return bytes_.fail("faces with both vertex_indices and vertex_index");
       if (!property.is_list || !is_integer(property.type)) {
@@ -224,9 +229,16 @@ class PlyReader {
     }
     if (corners == nullptr) return bytes_.fail("faces without the list vertex_indices");
     for (uint64_t i = 0; i < element.count; ++i) {
+      const size_t first = mesh_.faces.size();
+      uint32_t number = static_cast<uint32_t>(i);
       for (const PlyProperty& property : element.properties) {
-        SPILLWAY_TRY(&property == corners ? read_face(property) : skip_value(property));
+        if (with_faces_ && &property == numbers) {
+          SPILLWAY_ASSIGN(number, whole(property.type, "a face index"));
+        } else {
+          SPILLWAY_TRY(&property == corners ? read_face(property) : skip_value(property));
+        }
       }
+      for (size_t f = first; f < mesh_.faces.size(); ++f) mesh_.faces[f].face = number;
     }
     return {};
   }
@@ -250,15 +262,16 @@ class PlyReader {
 
   PlyBytes bytes_;
   PlyHeader header_;
+  bool with_faces_;
   PlyMesh mesh_;
 };
 
 }  // namespace
 
-Result<PlyMesh> read_ply(const std::filesystem::path& file) {
+Result<PlyMesh> read_ply(const std::filesystem::path& file, bool with_faces) {
   SPILLWAY_ASSIGN(PlyBytes bytes, PlyBytes::open(file));
   SPILLWAY_ASSIGN(PlyHeader header, read_ply_header(bytes));
-  return PlyReader(std::move(bytes), std::move(header)).read();
+  return PlyReader(std::move(bytes), std::move(header), with_faces).read();
 }
 
 }  // namespace spillway::tools

@@ -3,7 +3,8 @@
 // Reads triangle meshes from PLY files (Turk 1994): ascii, binary little and big endian; also gzipped, as .ply.gz.
 //
 // Vertices: x y z; nx ny nz; u v, s t, texture_u texture_v or texture_s texture_t. Faces: the list vertex_indices or
-// vertex_index, of three corners, or of four, split into 0 1 2 and 0 2 3. Other properties and elements are skipped.
+// vertex_index, of three corners, or of four, split into 0 1 2 and 0 2 3. Faces of
+// face textures are numbered by the property face_indices, or counted. Other properties and elements are skipped.
 // Memory: one mesh, and one piece of the file; counts in the header are held against the file's size first.
 // Fails: `file: byte n: what`; any file cut short is refused. Values that are not finite are left to the reader.
 
@@ -13,6 +14,7 @@
 
 #include "cache/base/result.h"
 #include "cache/base/vec.h"
+#include "pipeline/pack/scene_sink.h"
 
 namespace spillway::tools {
 
@@ -21,8 +23,9 @@ struct PlyMesh {
   std::vector<Float3> normals;    // empty, or one a position
   std::vector<Float2> uvs;        // empty, or one a position
   std::vector<uint32_t> indices;  // three a triangle, all below positions.size()
+  std::vector<pipeline::TriangleFace> faces;  // empty, or one a triangle: for face textures
 };
 
-Result<PlyMesh> read_ply(const std::filesystem::path& file);
+Result<PlyMesh> read_ply(const std::filesystem::path& file, bool with_faces = false);
 
 }  // namespace spillway::tools
