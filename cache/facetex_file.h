@@ -4,8 +4,7 @@
 //
 // Owns: the open file and its tables. Memory: of the tag given, 24 bytes a face and 16 a tile.
 // Threads: const after open(); any number may read tiles at once.
-// Fails: `file: byte n: what`, for a file cut short, changed or inconsistent; nothing is taken on a count's word:
-// tables
+// Fails: `file: byte n: what`, for a file cut short, changed or inconsistent; nothing is taken on a count's word: tables
 //        lie in the file, and are checked against its size first.
 //
 // Format, little endian:

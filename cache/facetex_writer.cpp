@@ -13,11 +13,16 @@ namespace spillway::cache {
 struct FaceTexWriter::Image {
   FaceTexImage layout;  // of what there is so far
   uint64_t face_count = 0;
-  uint32_t row = 0;                // of tiles, the one in `texels`
-  std::vector<std::byte> texels;   // a row of tiles, row by row; empty: nothing since the last one was put away
+  uint32_t band = 0;                // the one in `texels`
+  std::vector<std::byte> texels;    // row by row; empty: nothing since the last band was put away
   std::vector<FaceTexTile> tiles;  // offsets of those still in the chunk are from its beginning
   std::vector<std::byte> chunk;
-  size_t first_in_chunk = 0;  // tile
+  size_t first_in_chunk = 0;        // tile
+
+  // Rows that are put together before they become tiles: of tiles, or of faces where several stand side by side.
+  [[nodiscard]] uint32_t band_rows() const {
+    return layout.faces_per_row() > 1 ? std::max(kFaceTileSize, 1u << layout.vlog2) : kFaceTileSize;
+  }
 };
 
 FaceTexWriter::FaceTexWriter(WriteFile file, const FaceTexFormat& format)
@@ -113,7 +118,7 @@ Status FaceTexWriter::add_face(std::span<const std::byte> texels) {
   return {};
 }
 
-// Copies a face into its row of tiles, band by band where it is higher than one.
+// Copies a face into its band, one after the other where it has several.
 Status FaceTexWriter::put_face(Image& image, uint32_t number, std::span<const std::byte> texels) {
   const FaceTexImage& layout = image.layout;
   const uint32_t width = 1u << layout.ulog2, height = 1u << layout.vlog2;
@@ -122,25 +127,26 @@ Status FaceTexWriter::put_face(Image& image, uint32_t number, std::span<const st
   const size_t size = format_.texel_bytes(), row_bytes = layout.width * size;
   ++image.face_count;
   for (uint32_t row = 0; row < height; ++row) {
-    const auto row_of_tiles = static_cast<uint32_t>((y + row) / kFaceTileSize);
-    if (row_of_tiles != image.row && !image.texels.empty()) SPILLWAY_TRY(put_row_of_tiles(image));
-    image.row = row_of_tiles;
-    if (image.texels.empty()) image.texels.resize(row_bytes * kFaceTileSize);
-    std::memcpy(image.texels.data() + (y + row) % kFaceTileSize * row_bytes + x * size,
+    const auto band = static_cast<uint32_t>((y + row) / image.band_rows());
+    if (band != image.band && !image.texels.empty()) SPILLWAY_TRY(put_band(image));
+    image.band = band;
+    if (image.texels.empty()) image.texels.resize(row_bytes * image.band_rows());
+    std::memcpy(image.texels.data() + (y + row) % image.band_rows() * row_bytes + x * size,
                 texels.data() + size_t{row} * width * size, width * size);
   }
   return {};
 }
 
-Status FaceTexWriter::put_row_of_tiles(Image& image) {
+Status FaceTexWriter::put_band(Image& image) {
   const size_t tile_row = kFaceTileSize * format_.texel_bytes(), row_bytes = image.layout.width * format_.texel_bytes();
-  for (uint32_t t = 0; t < image.layout.tiles_across(); ++t) {
-    RawTile tile{&image, std::vector<std::byte>(format_.tile_bytes())};
-    for (uint32_t row = 0; row < kFaceTileSize; ++row)
-      std::memcpy(tile.texels.data() + row * tile_row, image.texels.data() + row * row_bytes + t * tile_row, tile_row);
-    batch_.push_back(std::move(tile));
-    batch_bytes_ += format_.tile_bytes();
-  }
+  for (uint32_t y = 0; y < image.band_rows(); y += kFaceTileSize)
+    for (uint32_t t = 0; t < image.layout.tiles_across(); ++t) {
+      RawTile tile{&image, std::vector<std::byte>(format_.tile_bytes())};
+      for (uint32_t row = 0; row < kFaceTileSize; ++row)
+        std::memcpy(tile.texels.data() + row * tile_row, image.texels.data() + (y + row) * row_bytes + t * tile_row, tile_row);
+      batch_.push_back(std::move(tile));
+      batch_bytes_ += format_.tile_bytes();
+    }
   image.texels.clear();
   return batch_bytes_ >= kBatchBytes ? compress_batch() : Status{};
 }
@@ -186,7 +192,7 @@ Status FaceTexWriter::finish() {
   std::vector<FaceTexTile> tiles;
   for (auto& [size, levels] : classes_)
     for (auto& image : levels)
-      if (!image->texels.empty()) SPILLWAY_TRY(put_row_of_tiles(*image));
+      if (!image->texels.empty()) SPILLWAY_TRY(put_band(*image));
   SPILLWAY_TRY(compress_batch());
   for (auto& [size, levels] : classes_) {
     classes.push_back({size.first, size.second, levels.front()->face_count});

@@ -2,11 +2,12 @@
 
 // Writes a .facetex file, face after face, with its coarser levels.
 //
-// Owns: the file under its temporary name. Memory: tag pack: 24 bytes a face, 16 a tile; for each image (level of a
-// class) a row of tiles and a chunk of kChunkBytes; kBatchBytes of tiles to compress; in add_face, the face once more
-// and a third. Threads: one caller; tiles are compressed on all threads of the current arena. Fails: the file's errors;
-// the first is final. Destruction without finish() leaves nothing behind. Order: the bytes depend on what was said and
-// in which order, not on threads.
+// Owns: the file under its temporary name.
+// Memory: tag pack: 24 bytes a face, 16 a tile; for each image (level of a class) a row of tiles (of narrow faces: a row
+//         of faces) and a chunk of kChunkBytes; kBatchBytes of tiles to compress; in add_face, the face and a third.
+// Threads: one caller; tiles are compressed on all threads of the current arena.
+// Fails: the file's errors; the first is final. Destruction without finish() leaves nothing behind.
+// Order: the bytes depend on what was said and in which order, not on threads.
 
 #include <map>
 #include <memory>
@@ -57,7 +58,7 @@ class FaceTexWriter {
   Status end_texture();
   std::vector<std::unique_ptr<Image>>& class_of(const FaceInfo& face);
   Status put_face(Image& image, uint32_t number, std::span<const std::byte> texels);
-  Status put_row_of_tiles(Image& image);
+  Status put_band(Image& image);
   Status compress_batch();
   Status write_chunk(Image& image);
   void add_to_mean(std::span<const std::byte> texel);

@@ -5,10 +5,10 @@
 // Owns: its images in the process's one OpenImageIO ImageCache; with two of these at a time the later limit holds.
 // Memory: tag textures, limit Options::memory_limit_bytes, which covers what the library holds beside its tiles (about
 // 20 KiB a file, 1 MiB an open handle of an image and 4 KiB a subimage of face textures), the tables of face textures
-// and an eighth, 16 MiB at most, for what is read ahead. Threads: look_up may be called from any number of threads at
-// once, one block each; no lock of ours is held over I/O. Fails: a missing or damaged image fails open() or look_up()
-// with the file's name; never a black texel instead. Bits: a value depends on the image and the request alone, not on
-// the budget, the block or the thread.
+// and an eighth, 16 MiB at most, for what is read ahead.
+// Threads: look_up may be called from any number of threads at once, one block each; no lock of ours is held over I/O.
+// Fails: a missing or damaged image fails open() or look_up() with the file's name; never a black texel instead.
+// Bits: a value depends on the image and the request alone, not on the budget, the block or the thread.
 
 #include <cstdint>
 #include <filesystem>

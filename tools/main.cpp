@@ -18,6 +18,7 @@ int main(int argc, char** argv) {
   add_pack_command(app, exit_code);
   add_info_command(app, exit_code);
   add_compare_command(app, exit_code);
+  add_convert_command(app, exit_code);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& problem) {

@@ -2,10 +2,11 @@
 
 // Packs the face textures of a scene into few files: one for each kind of texel, a new one when it is large.
 //
-// Owns: the files while they are written, under temporary names. Memory: as cache/facetex_writer.h, of each kind of
-// texel. Threads: one caller; compresses on all threads of the current arena. Fails: files that cannot be read or hold
-// something else, with their byte; a full disk. Then nothing is left behind. Order: the files depend on what was said
-// and in which order, not on threads.
+// Owns: the files while they are written, under temporary names.
+// Memory: as cache/facetex_writer.h, of each kind of texel.
+// Threads: one caller; compresses on all threads of the current arena.
+// Fails: files that cannot be read or hold something else, with their byte; a full disk. Then nothing is left behind.
+// Order: the files depend on what was said and in which order, not on threads.
 
 #include <map>
 #include <memory>

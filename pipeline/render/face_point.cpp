@@ -15,12 +15,15 @@ float cross2(Float2 a, Float2 b) { return a.x * b.y - a.y * b.x; }
 float unit(float x) { return !(x > 0) ? 0 : std::min(x, 1.0f); }
 
 // (u, v) of the patch over corners q at p: v solves a quadratic, u follows (Quilez 2010, "inverse bilinear
-// interpolation"). Of its two roots the one that stays finite as the quad becomes a parallelogram.
+// interpolation"). Of its two roots the one at which
+// the patch turns as the quad does.
 Float2 inverse_bilinear(const Float2 q[4], Float2 p) {
   const Float2 e = q[1] - q[0], f = q[3] - q[0], g = q[0] - q[1] + q[2] - q[3], h = p - q[0];
   const float k2 = cross2(g, f), k1 = cross2(e, f) + cross2(h, g), k0 = cross2(h, e);
-  const float root = std::sqrt(std::max(0.0f, k1 * k1 - 4 * k2 * k0));
-  const float v = unit(-2 * k0 / (k1 < 0 ? k1 - root : k1 + root));
+  const float size = std::sqrt(std::max(0.0f, k1 * k1 - 4 * k2 * k0));
+  const float root = cross2(q[2] - q[0], q[3] - q[1]) < 0 ? -size : size;
+  // The same number twice, without the difference of like ones.
+  const float v = unit(k1 * root < 0 ? (root - k1) / (2 * k2) : -2 * k0 / (k1 + root));
   const Float2 along = e + g * v, rest = h - f * v;
   const float u = std::fabs(along.x) > std::fabs(along.y) ? rest.x / along.x : rest.y / along.y;
   return {unit(u), v};
