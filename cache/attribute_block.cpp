@@ -58,8 +58,15 @@ std::span<const AttributeSegment> segments_of(std::span<const std::byte> block) 
 }
 
 template <class T>
+const T* column(const std::byte* block, uint32_t offset) {
+  return reinterpret_cast<const T*>(block + offset);
+}
+template <class T>
 const T* column(std::span<const std::byte> block, uint32_t offset) {
-  return reinterpret_cast<const T*>(block.data() + offset);
+  return column<T>(block.data(), offset);
+}
+const uint16_t* indices_of(const TrianglePlace& place) {
+  return column<uint16_t>(place.block, place.segment->indices_offset) + size_t{3} * place.face;
 }
 
 template <class T>
@@ -222,15 +229,36 @@ Status validate_attribute_block(std::span<const std::byte> block, std::string_vi
 }
 
 TriangleAttributes triangle_attributes(std::span<const std::byte> block, PrimId prim) {
+  return triangle_attributes(triangle_place(block, prim, {}));
+}
+
+TrianglePlace triangle_place(std::span<const std::byte> block, PrimId prim, const TrianglePlace& neighbour) {
+  if (neighbour.block == block.data() && prim.value - neighbour.segment->first_prim < neighbour.segment->face_count)
+    return {neighbour.block, neighbour.segment, prim.value - neighbour.segment->first_prim};
   const std::span<const AttributeSegment> segments = segments_of(block);
   const auto after = std::upper_bound(segments.begin(), segments.end(), prim.value,
                                       [](uint32_t p, const AttributeSegment& s) { return p < s.first_prim; });
   SPILLWAY_CHECK(after - segments.begin(), >, 0);
   const AttributeSegment& segment = *(after - 1);
-  const uint32_t face = prim.value - segment.first_prim;
-  SPILLWAY_CHECK(face, <, segment.face_count);
+  SPILLWAY_CHECK(prim.value - segment.first_prim, <, segment.face_count);
+  return {block.data(), &segment, prim.value - segment.first_prim};
+}
 
-  const uint16_t* index = column<uint16_t>(block, segment.indices_offset) + size_t{3} * face;
+void prefetch_indices(const TrianglePlace& place) { __builtin_prefetch(indices_of(place)); }
+
+void prefetch_vertices(const TrianglePlace& place) {
+  const AttributeSegment& segment = *place.segment;
+  const uint16_t* index = indices_of(place);
+  for (int k = 0; k < 3; ++k) {
+    __builtin_prefetch(column<Float3>(place.block, segment.positions_offset) + index[k]);
+    if (segment.flags & kHasNormals) __builtin_prefetch(column<Float3>(place.block, segment.normals_offset) + index[k]);
+    if (segment.flags & kHasUvs) __builtin_prefetch(column<Float2>(place.block, segment.uvs_offset) + index[k]);
+  }
+}
+
+TriangleAttributes triangle_attributes(const TrianglePlace& place) {
+  const AttributeSegment& segment = *place.segment;
+  const uint16_t* index = indices_of(place);
   TriangleAttributes triangle;
   triangle.mesh = MeshId{segment.mesh};
   triangle.has_normals = (segment.flags & kHasNormals) != 0;
@@ -238,9 +266,9 @@ TriangleAttributes triangle_attributes(std::span<const std::byte> block, PrimId 
   triangle.has_face = (segment.flags & kHasFaces) != 0;
   if (triangle.has_face) triangle.face = column<FaceOfTriangle>(block, segment.faces_offset)[face];
   for (int k = 0; k < 3; ++k) {
-    triangle.position_object[k] = column<Float3>(block, segment.positions_offset)[index[k]];
-    if (triangle.has_normals) triangle.normal_object[k] = column<Float3>(block, segment.normals_offset)[index[k]];
-    if (triangle.has_uvs) triangle.uv[k] = column<Float2>(block, segment.uvs_offset)[index[k]];
+    triangle.position_object[k] = column<Float3>(place.block, segment.positions_offset)[index[k]];
+    if (triangle.has_normals) triangle.normal_object[k] = column<Float3>(place.block, segment.normals_offset)[index[k]];
+    if (triangle.has_uvs) triangle.uv[k] = column<Float2>(place.block, segment.uvs_offset)[index[k]];
   }
   return triangle;
 }

@@ -106,4 +106,17 @@ Status validate_attribute_block(std::span<const std::byte> block, std::string_vi
 // prim must lie in the (validated) block. Absent normals and uvs are zero.
 TriangleAttributes triangle_attributes(std::span<const std::byte> block, PrimId prim);
 
+// The same in steps, for sorted hits: neighbours share a segment, and what many triangles will need can be asked of the
+// memory before the first of them waits for it.
+struct TrianglePlace {
+  const std::byte* block = nullptr;
+  const AttributeSegment* segment = nullptr;
+  uint32_t face = 0;
+};
+// `neighbour`: any place found before, or none.
+TrianglePlace triangle_place(std::span<const std::byte> block, PrimId prim, const TrianglePlace& neighbour);
+void prefetch_indices(const TrianglePlace& place);
+void prefetch_vertices(const TrianglePlace& place);  // reads the indices
+TriangleAttributes triangle_attributes(const TrianglePlace& place);
+
 }  // namespace spillway::cache

@@ -4,12 +4,12 @@
 #include <chrono>
 #include <condition_variable>
 #include <mutex>
-#include <numeric>
 #include <optional>
 #include <thread>
 #include <utility>
 
 #include "cache/base/check.h"
+#include "cache/residency.h"
 #include "cache/trace_log.h"
 
 namespace spillway::cache {
@@ -58,26 +58,24 @@ struct Read {
   std::string failure;
 };
 
-// What a rebalanced score gains when a wave asks for a part; it loses an eighth of itself a wave, so that a part
-// that is always asked for settles at eight times this.
-constexpr uint32_t kAskedScore = 32;
-// A newcomer must have been asked for in about two waves more than the part that leaves: a swap costs a read.
-constexpr uint32_t kSwapMargin = 2 * kAskedScore;
-
 struct Slot {
   Buffer<std::byte> memory;  // empty: not resident
-  uint32_t score = 0;
-  bool asked = false;   // in this wave
-  bool wanted = false;  // rebalance() made room for it
-  bool seen = false;    // read before
+  bool seen = false;         // read before
 };
+
+std::vector<uint64_t> held_bytes_of(std::span<const Part> parts) {
+  std::vector<uint64_t> bytes;
+  for (const Part& part : parts) bytes.push_back(aligned(part.size_bytes));
+  return bytes;
+}
 
 }  // namespace
 
 struct PartStore::State {
   State(ReadFile read_file, std::vector<Part> all_parts, Options all_options, Validate check)
       : file(std::move(read_file)), parts(std::move(all_parts)), options(std::move(all_options)),
-        validate(std::move(check)), slots(parts.size()) {}
+        validate(std::move(check)), slots(parts.size()),
+        residency(held_bytes_of(parts), options.memory_limit_bytes, options.read_ahead_bytes) {}
   ~State() { end_readers(); }
 
   ReadFile file;
@@ -88,14 +86,9 @@ struct PartStore::State {
 
   // Touched by the sweeping thread only.
   std::vector<Slot> slots;
-  uint64_t room_bytes = 0;      // for resident parts: the limit without the ring
-  uint64_t resident_bytes = 0;  // and parts on their way to residency
-  uint64_t wanted_bytes = 0;    // of room that rebalance() made
-  size_t resident_count = 0;
-  uint64_t ring_bytes = 0;  // 0: everything fits
+  Residency residency;
   double wait_seconds = 0;
   uint64_t parts_evicted = 0;
-  std::vector<uint32_t> newcomers, leavers;  // of rebalance(), reused
 
   // Shared with the readers, under the mutex (a read's own fields belong to its reader while it is being read).
   mutable std::mutex mutex;
@@ -104,12 +97,16 @@ struct PartStore::State {
   std::vector<Read> reads;
   size_t read_count = 0;  // of `reads`, in this sweep
   size_t next_read = 0;
+  size_t awaited = 0;    // reads that the visitor has asked for, in this sweep
   size_t active_reads = 0;
   bool ending = false;
   Ring ring;
   PartStoreCounters counters;
 
-  [[nodiscard]] uint64_t held_bytes(uint32_t part) const { return aligned(parts[part].size_bytes); }
+  [[nodiscard]] uint64_t held_bytes(uint32_t part) const { return residency.part_bytes(part); }
+  [[nodiscard]] bool may_read() const {
+    return next_read < read_count && next_read < awaited + std::min<size_t>(options.reads_ahead, read_count);
+  }
   [[nodiscard]] std::span<const std::byte> bytes_of(uint32_t part) const;
   [[nodiscard]] std::string place_of(uint32_t part) const;
 
@@ -123,15 +120,12 @@ struct PartStore::State {
 
   // Sweeping, on the caller's thread.
   void plan_reads(std::span<const uint32_t> wanted_parts);
-  bool take_room(uint32_t part);
   Read& wait_for(size_t index);
   Status visit_read(Read& read, const Visit& visit);
   void make_resident(Read& read);
   void stop_reads();
 
-  // Residency, at wave boundaries.
-  void rank();
-  size_t swap_in(uint32_t newcomer, size_t first);
+  // At wave boundaries.
   void evict(uint32_t part);
 };
 
@@ -182,7 +176,7 @@ void PartStore::State::read_until_ended() {
   while (true) {
     Read* read = nullptr;
     to_readers.wait(lock, [&] {
-      if (!ending && next_read < read_count && claim(reads[next_read])) read = &reads[next_read - 1];
+      if (!ending && may_read() && claim(reads[next_read])) read = &reads[next_read - 1];
       return ending || read != nullptr;
     });
     if (read == nullptr) return;
@@ -223,38 +217,27 @@ void PartStore::State::finish(Read& read, const Status& status) {
 
 // ---- sweeping ----
 
-// Whether a part that is about to be read may stay: first come, first kept, but the room that rebalance() made is kept
-// for the parts it was made for.
-bool PartStore::State::take_room(uint32_t part) {
-  Slot& slot = slots[part];
-  if (slot.wanted) wanted_bytes -= held_bytes(part);
-  slot.wanted = false;
-  if (resident_bytes + wanted_bytes + held_bytes(part) > room_bytes) return false;
-  resident_bytes += held_bytes(part);
-  return true;
-}
-
 void PartStore::State::plan_reads(std::span<const uint32_t> wanted_parts) {
   size_t count = 0;
   for (size_t i = 0; i < wanted_parts.size(); ++i) {
     const uint32_t part = wanted_parts[i];
     SPILLWAY_CHECK(part, <, parts.size());
     if (i > 0) SPILLWAY_CHECK(wanted_parts[i - 1], <, part);
-    slots[part].asked = true;
+    residency.ask(part);
     if (!slots[part].memory.empty()) continue;
     if (count == reads.size()) reads.emplace_back();
     Read& read = reads[count++];
     read.part = part;
     read.state = ReadState::planned;
-    read.kept = take_room(part);
-    if (!read.kept && ring.empty()) ring = Ring(options.tag, ring_bytes);
+    read.kept = residency.take_room(part);
+    if (!read.kept && ring.empty()) ring = Ring(options.tag, residency.ring_bytes());
   }
   if (count == 0) return;
   start_readers();
   {
     const std::lock_guard lock(mutex);
     read_count = count;
-    next_read = 0;
+    next_read = awaited = 0;
   }
   to_readers.notify_all();
 }
@@ -262,6 +245,8 @@ void PartStore::State::plan_reads(std::span<const uint32_t> wanted_parts) {
 Read& PartStore::State::wait_for(size_t index) {
   std::unique_lock lock(mutex);
   Read& read = reads[index];
+  awaited = index + 1;
+  if (options.reads_ahead < read_count) to_readers.notify_all();
   const auto done = [&] { return read.state == ReadState::ready || read.state == ReadState::failed; };
   if (done()) return read;
   const TraceSpan span("wait", "wait for a read");
@@ -275,7 +260,7 @@ void PartStore::State::make_resident(Read& read) {
   Slot& slot = slots[read.part];
   slot.memory = std::move(read.memory);
   read.kept = false;  // the room is the slot's now
-  ++resident_count;
+  residency.set_resident(read.part);
   if (on_residency) on_residency(read.part, bytes_of(read.part));
 }
 
@@ -304,7 +289,7 @@ void PartStore::State::stop_reads() {
   for (size_t i = 0; i < read_count; ++i) {
     Read& read = reads[i];
     if (!read.kept) continue;
-    resident_bytes -= held_bytes(read.part);
+    residency.give_back(read.part);
     read.memory = {};
     read.kept = false;
   }
@@ -315,8 +300,6 @@ void PartStore::State::stop_reads() {
 void PartStore::State::evict(uint32_t part) {
   if (on_residency) on_residency(part, {});
   slots[part].memory = {};
-  resident_bytes -= held_bytes(part);
-  --resident_count;
   ++parts_evicted;
 }
 
@@ -367,14 +350,6 @@ Status check_parts(const ReadFile& file, std::span<const Part> parts) {
   return {};
 }
 
-// Two of the largest parts, so that one can be read while the other is visited; beyond that a quarter of the limit, so
-// that three quarters stay with resident parts, which save reads in every wave.
-uint64_t ring_size(std::span<const Part> parts, const PartStore::Options& options) {
-  const uint64_t limit = options.memory_limit_bytes;
-  const uint64_t least = std::min(limit, 2 * PartStore::smallest_limit_bytes(parts));
-  return std::max(least, std::min(options.read_ahead_bytes, limit / 4)) / kDirectAlignment * kDirectAlignment;
-}
-
 }  // namespace
 
 Result<std::unique_ptr<PartStore>> PartStore::open(const std::filesystem::path& path, std::vector<Part> parts,
@@ -387,8 +362,6 @@ Result<std::unique_ptr<PartStore>> PartStore::open(const std::filesystem::path& 
     return error("{}: its largest part does not fit in the {} bytes of memory for {}; {} bytes would do", path.string(),
                  limit, spillway::name(options.tag), smallest);
   auto state = std::make_unique<State>(std::move(file), std::move(parts), std::move(options), std::move(validate));
-  if (whole_bytes(state->parts) > limit) state->ring_bytes = ring_size(state->parts, state->options);
-  state->room_bytes = limit - state->ring_bytes;
   return std::unique_ptr<PartStore>(new PartStore(std::move(state)));
 }
 
@@ -396,10 +369,10 @@ PartStore::PartStore(std::unique_ptr<State> state) : state_(std::move(state)) {}
 PartStore::~PartStore() = default;
 
 size_t PartStore::size() const { return state_->parts.size(); }
-bool PartStore::all_resident() const { return state_->resident_count == state_->parts.size(); }
-bool PartStore::fits() const { return state_->ring_bytes == 0; }
+bool PartStore::all_resident() const { return state_->residency.all_resident(); }
+bool PartStore::fits() const { return state_->residency.fits(); }
 bool PartStore::direct_effective() const { return state_->file.direct_effective(); }
-void PartStore::note_use(uint32_t part) { state_->slots[part].asked = true; }
+void PartStore::note_use(uint32_t part) { state_->residency.ask(part); }
 std::span<const std::byte> PartStore::resident(uint32_t part) const { return state_->bytes_of(part); }
 
 void PartStore::on_residency(std::function<void(uint32_t, std::span<const std::byte>)> callback) {
@@ -414,53 +387,8 @@ PartStoreCounters PartStore::counters() const {
   return counters;
 }
 
-// ---- residency ----
-
-// Best newcomers first against weakest residents first; equal scores by index, so that runs agree.
-void PartStore::State::rank() {
-  newcomers.clear(), leavers.clear();
-  for (uint32_t part = 0; part < parts.size(); ++part) {
-    Slot& slot = slots[part];
-    slot.score = slot.score - slot.score / 8 + (slot.asked ? kAskedScore : 0);
-    slot.asked = slot.wanted = false;
-    (slot.memory.empty() ? newcomers : leavers).push_back(part);
-  }
-  wanted_bytes = 0;
-  const auto score = [this](uint32_t part) { return slots[part].score; };
-  std::ranges::stable_sort(newcomers, std::ranges::greater{}, score);
-  std::ranges::stable_sort(leavers, std::ranges::less{}, score);
-}
-
-// Makes room for one newcomer out of the leavers from `first` on that it outscores. Returns how many left; none when
-// that would not be room enough.
-size_t PartStore::State::swap_in(uint32_t newcomer, size_t first) {
-  const uint64_t needed = resident_bytes + wanted_bytes + held_bytes(newcomer);
-  uint64_t freed = 0;
-  size_t count = 0;
-  while (needed > room_bytes + freed) {
-    if (first + count == leavers.size()) return 0;
-    const uint32_t leaver = leavers[first + count];
-    if (slots[leaver].score + kSwapMargin > slots[newcomer].score) return 0;
-    freed += held_bytes(leaver);
-    ++count;
-  }
-  for (size_t i = 0; i < count; ++i) evict(leavers[first + i]);
-  slots[newcomer].wanted = true;
-  wanted_bytes += held_bytes(newcomer);
-  return count;
-}
-
 void PartStore::rebalance() {
-  State& s = *state_;
-  if (fits()) return;
-  s.rank();
-  size_t gone = 0;
-  for (const uint32_t newcomer : s.newcomers) {
-    if (s.slots[newcomer].score == 0) break;
-    const size_t left = s.swap_in(newcomer, gone);
-    if (left == 0 && !s.slots[newcomer].wanted) break;
-    gone += left;
-  }
+  state_->residency.rebalance([this](uint32_t part) { state_->evict(part); });
 }
 
 }  // namespace spillway::cache

@@ -8,8 +8,7 @@
 // Threads: resident() may be called from any thread between sweeps; everything else by one thread at a time. The
 //          visitor and the callbacks run on the sweeping thread, one part after the other, while a few reader threads fetch and
 //          validate the next ones: `validate` must bear concurrent calls. No lock is held over I/O or validation.
-// Residency: filled first come, first kept, then never displaced during a wave (a cyclic scan through an LRU cache hits
-//            nothing); rebalance() at a wave boundary may swap resident parts for ones that more waves asked for.
+// Residency: see residency.h.
 // Fails: short or failed reads and parts that `validate` refuses: an error naming file, part and offset. The store
 //        remains usable: nothing is in flight, the part that failed is not in memory.
 
@@ -51,6 +50,7 @@ class PartStore {
     uint64_t read_ahead_bytes = 32 << 20;  // within the limit, of which it takes a quarter at most unless two of the
                                            // largest parts need more; larger: more reads in flight, less resident
     int reader_threads = 4;
+    uint32_t reads_ahead = UINT32_MAX;        // reads under way or done beyond the one that is visited; 0: none (ablation)
     bool direct = false;
     // Told of every visit of every sweep, in order, and whether its part had to be read: the log from which tests and
     // `whatif` recompute the counters. May be empty.

@@ -14,7 +14,7 @@ struct TraceRay {
   Float3 origin_world;
   float t_max;
   Float3 direction_world;
-  float time;  // reserved for two-key motion; 0
+  float time;  // between the two keys of what moves, 0 to 1 (pipeline/shutter.h); 0 where nothing does
 };
 static_assert(sizeof(TraceRay) == 32);
 

@@ -67,7 +67,17 @@ struct Image {
   ImageInfo info;
   TileFile tiles;
   std::vector<uint64_t> level_first_tile;  // in the cache's numbering
+  const float* decode[4] = {};             // of each channel of eight bits
 };
+
+// Alpha is never encoded.
+void choose_decoding(Image& image) {
+  const ImageInfo& info = image.info;
+  for (uint32_t c = 0; c < 4; ++c) {
+    const bool encoded = info.encoding == TexelEncoding::srgb && c < 3 && !(info.channels == 2 && c == 1);
+    image.decode[c] = encoded ? tables().srgb.data() : tables().linear.data();
+  }
+}
 
 // A file of face textures, open.
 struct Container {
@@ -136,33 +146,47 @@ struct TextureCache::State {
     return thread.tile(image.tiles, 0, level, static_cast<uint32_t>(x), static_cast<uint32_t>(y), number, index);
   }
 
-  // Adds weight * texel to sum; false when the tile cannot be read.
-  bool add_texel(TileThread& thread, uint32_t index, uint32_t level, int x, int y, WrapMode wrap, float weight,
-                 float* sum) {
-    const ImageInfo& info = images[index].info;
-    x = wrapped(x, static_cast<int>(level_size(info.width, level)), wrap);
-    y = wrapped(y, static_cast<int>(level_size(info.height, level)), wrap);
+  // Adds weight * texel to sum.
+  static void add_texel(const Image& image, const std::byte* pixels, uint32_t at, float weight, float* sum) {
+    const uint32_t channels = image.info.channels;
+    if (image.info.texel_bytes == 1) {
+      for (uint32_t c = 0; c < channels; ++c) sum[c] += weight * image.decode[c][static_cast<uint8_t>(pixels[at + c])];
+      return;
+    }
+    for (uint32_t c = 0; c < channels; ++c) {
+      float value;
+      std::memcpy(&value, pixels + (at + c) * sizeof(float), sizeof value);
+      sum[c] += weight * value;
+    }
+  }
+
+  // Where in its tile a texel begins, in channels.
+  static uint32_t place_in_tile(const Image& image, int x, int y) {
+    return ((static_cast<uint32_t>(y) % kTileSize) * kTileSize + static_cast<uint32_t>(x) % kTileSize) * image.info.channels;
+  }
+
+  // The same wherever the image goes on; false when the tile cannot be read.
+  bool add_wrapped(TileThread& thread, uint32_t index, uint32_t level, int x, int y, WrapMode wrap, float weight,
+                   float* sum) {
+    const Image& image = images[index];
+    x = wrapped(x, static_cast<int>(level_size(image.info.width, level)), wrap);
+    y = wrapped(y, static_cast<int>(level_size(image.info.height, level)), wrap);
     if (x < 0 || y < 0) return true;
     const std::byte* pixels = tile(thread, index, level, x, y);
     if (pixels == nullptr) return false;
-    const uint32_t at =
-        ((static_cast<uint32_t>(y) % kTileSize) * kTileSize + static_cast<uint32_t>(x) % kTileSize) * info.channels;
-    for (uint32_t c = 0; c < info.channels; ++c) {
-      float value;
-      if (info.texel_bytes == 1) {
-        // Alpha is never encoded.
-        const bool encoded = info.encoding == TexelEncoding::srgb && c < 3 && !(info.channels == 2 && c == 1);
-        const auto& table = encoded ? tables().srgb : tables().linear;
-        value = table[static_cast<uint8_t>(pixels[at + c])];
-      } else {
-        std::memcpy(&value, pixels + (at + c) * sizeof(float), sizeof value);
-      }
-      sum[c] += weight * value;
-    }
+    add_texel(image, pixels, place_in_tile(image, x, y), weight, sum);
     return true;
   }
 
-  bool bilinear(TileThread& thread, uint32_t index, uint32_t level, const TextureRequest& r, float weight, float* sum) {
+  // Whether (x, y) and its neighbours to the right and below lie in the image, and in one tile: nearly always.
+  static bool is_in_one_tile(const Image& image, uint32_t level, int x, int y) {
+    return x >= 0 && y >= 0 && x + 1 < static_cast<int>(level_size(image.info.width, level)) &&
+           y + 1 < static_cast<int>(level_size(image.info.height, level)) &&
+           static_cast<uint32_t>(x) % kTileSize != kTileSize - 1 && static_cast<uint32_t>(y) % kTileSize != kTileSize - 1;
+  }
+
+  bool bilinear(TileThread& thread, uint32_t index, uint32_t level, const TextureRequest& r, float weight,
+                float* sum) {
     const float u = r.wrap == WrapMode::repeat ? r.u - std::floor(r.u) : r.u;
     const float v = r.wrap == WrapMode::repeat ? r.v - std::floor(r.v) : r.v;
     const Image& image = images[index];
@@ -170,15 +194,22 @@ struct TextureCache::State {
     const float x = std::clamp(u, -4.0f, 5.0f) * static_cast<float>(level_size(image.info.width, level)) - 0.5f;
     const float y = std::clamp(1 - v, -4.0f, 5.0f) * static_cast<float>(level_size(image.info.height, level)) - 0.5f;
     if (r.filter == TexelFilter::point)
-      return add_texel(thread, index, level, static_cast<int>(std::floor(x + 0.5f)),
-                       static_cast<int>(std::floor(y + 0.5f)), r.wrap, weight, sum);
+      return add_wrapped(thread, index, level, static_cast<int>(std::floor(x + 0.5f)),
+                         static_cast<int>(std::floor(y + 0.5f)), r.wrap, weight, sum);
     const float floor_x = std::floor(x), floor_y = std::floor(y);
     const float fx = x - floor_x, fy = y - floor_y;
     const int ix = static_cast<int>(floor_x), iy = static_cast<int>(floor_y);
-    return add_texel(thread, index, level, ix, iy, r.wrap, weight * (1 - fx) * (1 - fy), sum) &&
-           add_texel(thread, index, level, ix + 1, iy, r.wrap, weight * fx * (1 - fy), sum) &&
-           add_texel(thread, index, level, ix, iy + 1, r.wrap, weight * (1 - fx) * fy, sum) &&
-           add_texel(thread, index, level, ix + 1, iy + 1, r.wrap, weight * fx * fy, sum);
+    const float w[4] = {weight * (1 - fx) * (1 - fy), weight * fx * (1 - fy), weight * (1 - fx) * fy, weight * fx * fy};
+    if (!is_in_one_tile(image, level, ix, iy)) {
+      for (int i = 0; i < 4; ++i)
+        if (!add_wrapped(thread, index, level, ix + (i & 1), iy + (i >> 1), r.wrap, w[i], sum)) return false;
+      return true;
+    }
+    const std::byte* pixels = tile(thread, index, level, ix, iy);
+    if (pixels == nullptr) return false;
+    const uint32_t at = place_in_tile(image, ix, iy), right = image.info.channels, below = kTileSize * right;
+    for (uint32_t i = 0; i < 4; ++i) add_texel(image, pixels, at + (i & 1) * right + (i >> 1) * below, w[i], sum);
+    return true;
   }
 
   // Levels as pbrt-v4 section 10.4.3 chooses them, the footprint measured along the longer axis.
@@ -236,7 +267,8 @@ Result<std::unique_ptr<TextureCache>> TextureCache::open(const std::filesystem::
   state->stage_limit_bytes = staged, state->overhead = beside;
   uint64_t next_tile = 0;
   for (const ImageInfo& info : images) {
-    Image image{info, {}, {}};
+    Image image{info, {}, {}, {}};
+    choose_decoding(image);
     for (uint32_t level = 0; level < info.levels; ++level) {
       image.level_first_tile.push_back(next_tile);
       next_tile += tiles_of_level(info, level);

@@ -10,11 +10,14 @@
 namespace spillway::cache {
 namespace {
 
+// One function a ray: a call a page and its walk costs more than the root of the page's tree.
+#define SPILLWAY_INLINE [[gnu::always_inline]] inline
+
 // Margins in roundings (2^-24) of the largest coordinate in play, M = max(|origin|, extent of the scene or object).
 // A triangle's own box, from which its hits cannot stray: the shear moves a vertex by three roundings of |v - o| <= 2 M.
 constexpr float kTrianglePadding = 8 * 0x1p-24f;
-// The boxes above it enclose that one as computed: origin - o (2), its product (2), 1/d times a scale (2), its product
-// (2) and the sum (2) on the box's side, difference and product (4) on the triangle's.
+// The boxes above it enclose that one as computed: o / d and the padding (2), the node's corner (2), its quantum (2) and
+// the sum of both (2) on the box's side, difference and product (4) on the triangle's.
 constexpr float kBoxPadding = kTrianglePadding + 16 * 0x1p-24f;
 // A direction component below this is treated as this: 1/d stays finite, 0 * 1/d stays 0.
 constexpr float kSmallestDirection = 1e-18f;
@@ -23,12 +26,13 @@ constexpr int kUpperPlanes = offsetof(TraceNode, upper) - offsetof(TraceNode, lo
 
 // A ray in the space of one object: slabs for boxes, shear for triangles.
 struct KernelRay {
-  Float3 origin, direction;
-  float inverse[3];   // 1 / direction
-  float pad[3];       // padding of boxes in t, along each axis
-  float triangle_pad[3];
+  // A plane at p along axis a is met at p * slope[a] + near_end[a], or far_end[a]: the padding of boxes included.
+  __m256 slope[3], near_end[3], far_end[3];
   ptrdiff_t near_plane[3];  // where a node's planes that face the ray's origin begin, in bytes from `lower`
   ptrdiff_t far_plane[3];
+  Float3 origin, direction;
+  float inverse[3];   // 1 / direction
+  float triangle_pad[3];
   int kx, ky, kz;     // axes of the shear: kz is the largest of |direction|
   float ox, oy, oz;   // the origin's coordinates along them
   float sx, sy;       // Woop et al. 2013, section 3.1
@@ -38,25 +42,41 @@ struct KernelRay {
     for (int a = 0; a < 3; ++a) {
       const float component = std::fabs(d[a]) < kSmallestDirection ? std::copysign(kSmallestDirection, d[a]) : d[a];
       inverse[a] = 1 / component;
-      pad[a] = kBoxPadding * largest * std::fabs(inverse[a]);
+      const float at_zero = -(o[a] * inverse[a]), pad = kBoxPadding * largest * std::fabs(inverse[a]);
+      slope[a] = _mm256_set1_ps(inverse[a]);
+      near_end[a] = _mm256_set1_ps(at_zero - pad);
+      far_end[a] = _mm256_set1_ps(at_zero + pad);
       triangle_pad[a] = kTrianglePadding * largest * std::fabs(inverse[a]);
       near_plane[a] = (std::signbit(component) ? kUpperPlanes : 0) + 8 * a;
       far_plane[a] = (std::signbit(component) ? 0 : kUpperPlanes) + 8 * a;
     }
-    const float x = std::fabs(d.x), y = std::fabs(d.y), z = std::fabs(d.z);
-    kz = x > y ? (x > z ? 0 : 2) : (y > z ? 1 : 2);
-    kx = kz == 2 ? 0 : kz + 1;
-    ky = kx == 2 ? 0 : kx + 1;
-    if (d[kz] < 0) std::swap(kx, ky);
+    choose_axes();
+  }
+
+ private:
+  // By tables and numbers: the axes of a ray cannot be foretold, so that branches cost more than the rest.
+  void choose_axes() {
+    const float d[3] = {direction.x, direction.y, direction.z}, o[3] = {origin.x, origin.y, origin.z};
+    const float x = std::fabs(d[0]), y = std::fabs(d[1]), z = std::fabs(d[2]);
+    const int not_x = static_cast<int>(y >= x);
+    kz = static_cast<int>(z >= std::max(x, y)) ? 2 : not_x;
+    static constexpr int kOthers[3][2][2] = {{{1, 2}, {2, 1}}, {{2, 0}, {0, 2}}, {{0, 1}, {1, 0}}};  // [kz][d < 0]
+    const int (&others)[2] = kOthers[kz][static_cast<int>(d[kz] < 0)];
+    kx = others[0], ky = others[1];
     ox = o[kx], oy = o[ky], oz = o[kz];
     sx = d[kx] / d[kz], sy = d[ky] / d[kz];
   }
 };
 
-struct StackEntry {
-  uint32_t reference;
-  float entry;
-};
+// A child and where the ray enters it. Both in one number that orders as entries do, which are not negative: where the
+// nearer of two children is chosen there is then no branch to be foretold.
+using StackEntry = uint64_t;
+inline StackEntry stack_entry(uint32_t reference, float entry) {
+  return uint64_t{std::bit_cast<uint32_t>(entry)} << 32 | reference;
+}
+inline uint32_t reference_of(StackEntry entry) { return static_cast<uint32_t>(entry); }
+inline bool is_beyond(StackEntry entry, float t) { return std::bit_cast<float>(static_cast<uint32_t>(entry >> 32)) > t; }
+
 // A node pushes at most seven more than it pops.
 constexpr int kStackSize = kMaxTreeDepth * 7 + 8;
 
@@ -75,10 +95,10 @@ inline void enter_node(const TraceNode& node, const KernelRay& ray, float t_far,
   __m256 near = _mm256_setzero_ps();
   __m256 far = _mm256_set1_ps(t_far);
   for (int a = 0; a < 3; ++a) {
-    const __m256 step = _mm256_set1_ps(node.scale[a] * ray.inverse[a]);
-    const float to_node = node.origin[a] - ray.origin[a];
-    const __m256 base_near = _mm256_set1_ps(std::fma(to_node, ray.inverse[a], -ray.pad[a]));
-    const __m256 base_far = _mm256_set1_ps(std::fma(to_node, ray.inverse[a], ray.pad[a]));
+    const __m256 origin = _mm256_broadcast_ss(&node.origin[a]), scale = _mm256_broadcast_ss(&node.scale[a]);
+    const __m256 step = _mm256_mul_ps(scale, ray.slope[a]);
+    const __m256 base_near = _mm256_fmadd_ps(origin, ray.slope[a], ray.near_end[a]);
+    const __m256 base_far = _mm256_fmadd_ps(origin, ray.slope[a], ray.far_end[a]);
     near = _mm256_max_ps(_mm256_fmadd_ps(load_quantised(planes + ray.near_plane[a]), step, base_near), near);
     far = _mm256_min_ps(_mm256_fmadd_ps(load_quantised(planes + ray.far_plane[a]), step, base_far), far);
   }
@@ -105,7 +125,7 @@ struct TreeView {
 
 // Walks a tree front to back. on_leaf(leaf index) may shorten t_far; returns true to end the walk.
 template <class Leaf, class OnLeaf>
-inline bool walk(const TreeView<Leaf> tree, uint32_t root, const KernelRay& ray, const float& t_far, uint64_t& node_count,
+SPILLWAY_INLINE bool walk(const TreeView<Leaf> tree, uint32_t root, const KernelRay& ray, const float& t_far, uint64_t& node_count,
                  const OnLeaf& on_leaf) {
   if (root == kNoChild) return false;
   StackEntry stack[kStackSize];
@@ -121,20 +141,21 @@ inline bool walk(const TreeView<Leaf> tree, uint32_t root, const KernelRay& ray,
       ++node_count;
       if (hits.mask != 0) {
         const int first = std::countr_zero(hits.mask);
-        StackEntry nearest{node.child[first], hits.entry[first]};
-        tree.prefetch(nearest.reference);
+        StackEntry nearest = stack_entry(node.child[first], hits.entry[first]);
+        tree.prefetch(node.child[first]);
         const int bottom = size;
         while ((hits.mask &= hits.mask - 1) != 0) {
           const int c = std::countr_zero(hits.mask);
-          StackEntry other{node.child[c], hits.entry[c]};
-          tree.prefetch(other.reference);
-          if (other.entry < nearest.entry) std::swap(other, nearest);
+          const StackEntry child = stack_entry(node.child[c], hits.entry[c]);
+          tree.prefetch(node.child[c]);
+          const StackEntry other = std::max(child, nearest);
+          nearest = std::min(child, nearest);
           // The others wait in order, the nearer on top.
           int at = size++;
-          for (; at > bottom && stack[at - 1].entry < other.entry; --at) stack[at] = stack[at - 1];
+          for (; at > bottom && stack[at - 1] < other; --at) stack[at] = stack[at - 1];
           stack[at] = other;
         }
-        reference = nearest.reference;
+        reference = reference_of(nearest);
         continue;
       }
     }
@@ -142,14 +163,15 @@ inline bool walk(const TreeView<Leaf> tree, uint32_t root, const KernelRay& ray,
     do {
       if (size == 0) return false;
       --size;
-    } while (stack[size].entry > t_far);
-    reference = stack[size].reference;
+    } while (is_beyond(stack[size], t_far));
+    reference = reference_of(stack[size]);
   }
 }
 
-// Walks a tree in any order, for rays whose end nothing shortens.
+// Walks a tree in the order of its children, for rays whose end nothing shortens: pack puts those first that are most
+// likely to stop them.
 template <class Leaf, class OnLeaf>
-inline bool walk_unordered(const TreeView<Leaf> tree, uint32_t root, const KernelRay& ray, float t_far, uint64_t& node_count,
+SPILLWAY_INLINE bool walk_unordered(const TreeView<Leaf> tree, uint32_t root, const KernelRay& ray, float t_far, uint64_t& node_count,
                            const OnLeaf& on_leaf) {
   if (root == kNoChild) return false;
   uint32_t stack[kStackSize];
@@ -163,10 +185,16 @@ inline bool walk_unordered(const TreeView<Leaf> tree, uint32_t root, const Kerne
       NodeHits hits;
       enter_node(node, ray, t_far, hits);
       ++node_count;
-      for (; hits.mask != 0; hits.mask &= hits.mask - 1) {
-        const uint32_t child = node.child[std::countr_zero(hits.mask)];
-        tree.prefetch(child);
-        stack[size++] = child;
+      if (hits.mask != 0) {
+        while ((hits.mask & (hits.mask - 1)) != 0) {
+          const int last = std::bit_width(hits.mask) - 1;
+          stack[size++] = node.child[last];
+          tree.prefetch(node.child[last]);
+          hits.mask ^= 1u << last;
+        }
+        reference = node.child[std::countr_zero(hits.mask)];
+        tree.prefetch(reference);
+        continue;
       }
     }
     if (size == 0) return false;
@@ -299,21 +327,34 @@ inline bool intersect_leaf(const TracePageView& page, uint32_t leaf_index, uint3
 
 // An occlusion ray looks as far as the light whatever alpha it meets: what stops it for good does not depend on order.
 template <TraceMode mode>
-bool walk_page(const TracePageView& page, uint32_t instance, const KernelRay& ray, const float& t_far, TraceHit& hit,
+SPILLWAY_INLINE bool walk_page(const TracePageView& page, uint32_t instance, const KernelRay& ray, const float& t_far, TraceHit& hit,
                TraceCounters& work) {
-  ++work.pages;
   const TreeView<TraceLeaf> tree{page.nodes, page.leaves};
+  uint64_t nodes = 0, leaves = 0;
   const auto on_leaf = [&](uint32_t leaf) {
-    ++work.leaves;
+    ++leaves;
     return intersect_leaf<mode>(page, leaf, instance, ray, t_far, hit);
   };
-  if constexpr (mode == TraceMode::occlusion) return walk_unordered(tree, page.header->root, ray, t_far, work.nodes, on_leaf);
-  return walk(tree, page.header->root, ray, t_far, work.nodes, on_leaf);
+  bool ended;
+  if constexpr (mode == TraceMode::occlusion)
+    ended = walk_unordered(tree, page.header->root, ray, t_far, nodes, on_leaf);
+  else
+    ended = walk(tree, page.header->root, ray, t_far, nodes, on_leaf);
+  work.nodes += nodes, work.leaves += leaves, ++work.pages;
+  return ended;
 }
 
 float extent_of(const Bounds3& b) { return std::max(max_abs(b.lower), max_abs(b.upper)); }
 
+// Out of line, so that what stands still does not pay for it.
+[[gnu::noinline]] KernelRay moving_object_ray(const PageTree& tree, const Instance& instance, const TraceRay& ray) {
+  const Affine3 object_from_world = pose_at(tree.motions[instance.motion - 1], ray.time).inverse;
+  return {object_from_world.point(ray.origin_world), object_from_world.vector(ray.direction_world),
+          extent_of(tree.objects[instance.object].bounds_object)};
+}
+
 KernelRay object_ray(const PageTree& tree, const Instance& instance, const TraceRay& ray) {
+  if (instance.motion != 0) [[unlikely]] return moving_object_ray(tree, instance, ray);
   return {instance.object_from_world.point(ray.origin_world), instance.object_from_world.vector(ray.direction_world),
           extent_of(tree.objects[instance.object].bounds_object)};
 }

@@ -170,6 +170,9 @@ Status validate_page_tree(const PageTree& tree, size_t page_count, std::string_v
   for (size_t i = 1; i < tree.instances.size(); ++i)
     if (tree.instances[i].object == 0 || tree.instances[i].object >= tree.objects.size())
       return error("{}: instance {} is of object {}, which does not exist", where, i, tree.instances[i].object);
+  for (size_t i = 0; i < tree.instances.size(); ++i)
+    if (tree.instances[i].motion > (i == 0 ? 0 : tree.motions.size()))
+      return error("{}: instance {} moves by motion {} of {}", where, i, tree.instances[i].motion, tree.motions.size());
   return {};
 }
 

@@ -14,6 +14,7 @@
 #include <string_view>
 
 #include "cache/base/ids.h"
+#include "cache/base/motion.h"
 #include "cache/base/result.h"
 #include "cache/base/vec.h"
 
@@ -105,10 +106,11 @@ struct PageObject {
 };
 
 struct Instance {
-  Affine3 world_from_object;
+  Affine3 world_from_object;  // of one that moves: its first key
   Affine3 object_from_world;
   uint32_t object;  // >= 1; prototypes hold pages only (two levels)
-  uint32_t reserved[3];
+  uint32_t motion;  // 0: stands still; else one more than its place among the motions
+  uint32_t reserved[2];
 };
 
 // One line a page of pages.trace.
@@ -125,6 +127,7 @@ struct PageTree {
   std::span<const PageObject> objects;
   std::span<const Instance> instances;  // [0] is the world: identity, object 0
   float scene_extent_world = 0;         // largest |coordinate| of the world bounds, for the kernel's box padding
+  std::span<const Motion> motions = {};  // of the instances that move, and of the camera
 };
 Status validate_page_tree(const PageTree& tree, size_t page_count, std::string_view where);
 

@@ -15,12 +15,13 @@ namespace spillway::pipeline {
 struct PathRecord {
   uint32_t sink;             // y * full_width + x
   uint32_t sample;           // half = sample & 1
-  uint32_t bounce;           // scattering events so far, as pbrt counts depth
+  uint16_t bounce;           // scattering events so far, as pbrt counts depth
+  uint16_t normal_previous;  // of the receiver below, as selection used it (shading::LightReceiver); 0: it used none
   float pdf_previous;        // solid angle, of the direction; 0 after a camera or a delta: next-event estimation had no part
   Rgb throughput;            // signed when the pixel filter is
   float cone_width;          // world units at the ray's origin
   float cone_spread;         // growth of the width per unit length
-  float eta_scale;           // product of squared relative indices, for Russian roulette
+  float eta_scale;           // product of squared relative indices over the exposure, for Russian roulette
   Float3 position_previous;  // receiver of the next-event estimation that competes with this ray, not offset
 };
 static_assert(sizeof(PathRecord) == 52);
@@ -52,6 +53,9 @@ struct SplatRecord {
   Rgb value;
 };
 static_assert(sizeof(SplatRecord) == 24);
+
+// Longer paths would leave 16 bits; roulette ends them long before.
+inline constexpr uint32_t kMostBounces = 32767;
 
 // Events of a path that splat: what the ray of bounce b found, and what its shadow ray brought.
 constexpr uint32_t emission_event(uint32_t bounce) { return 2 * bounce; }

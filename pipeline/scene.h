@@ -6,6 +6,7 @@
 #include <string>
 
 #include "cache/base/ids.h"
+#include "cache/base/motion.h"
 #include "cache/base/vec.h"
 #include "cache/texture_cache.h"
 #include "shading/camera.h"
@@ -118,7 +119,7 @@ struct Mesh {
   uint32_t face_count;
   uint32_t material;
   uint32_t object;      // 0: the world
-  uint32_t light_base = LightId::kNone;  // light of face 0, when the mesh emits; faces follow
+  uint32_t light_base = LightId::kNone;  // emitter of face 0, when the mesh emits; faces follow
   uint32_t alpha_texture = TextureId::kNone;  // or none: opaque
   uint32_t flags;       // MeshFlag
   uint32_t reserved;
@@ -140,9 +141,18 @@ inline constexpr uint32_t kMaxEnvironmentSize = 8192;  // texels an edge
 
 // ---- what the scene says about the picture; the command line may override ----
 
+inline constexpr float kLeastExposure = 1e-30f, kMostExposure = 1e30f;  // whose inverses are numbers, too
+
 struct FilmSettings {
   uint32_t crop_x0 = 0, crop_y0 = 0, crop_x1 = 0, crop_y1 = 0;  // pixels, half open; all zero: everything
   float exposure_scale = 1;  // radiance to pixel value (pbrt: imaging ratio)
+};
+
+// How a light is chosen for next-event estimation: noise and time differ, the mean does not.
+enum class LightSelection : uint32_t {
+  tree,     // by power in scenes with few lights, which have no tree
+  power,
+  uniform,  // among the lights that have a place
 };
 
 struct RenderSettings {
@@ -151,13 +161,19 @@ struct RenderSettings {
   uint32_t seed = 0;
   uint32_t regularize = 0;
   shading::SamplerKind sampler = shading::SamplerKind::sobol;
-  uint32_t reserved = 0;  // the store has no padding
+  LightSelection light_selection = LightSelection::tree;
+};
+
+// The times of the two keys of what moves, on the clock of the camera's shutter.
+struct MotionSettings {
+  float start_time = 0, end_time = 1;
 };
 
 struct SceneStatistics {
   uint64_t triangle_count = 0;           // unique, as stored
   uint64_t instanced_triangle_count = 0;  // as seen
   uint64_t degenerate_dropped_count = 0;
+  uint64_t dark_light_count = 0;  // lights, and triangles of emitters, that have no area or emit nothing
   Bounds3 bounds_world;
 };
 
@@ -166,6 +182,7 @@ struct SceneSettings {
   shading::Filter filter;
   FilmSettings film;
   RenderSettings render;
+  MotionSettings motion;
   SceneStatistics statistics;
 };
 
@@ -188,7 +205,7 @@ inline constexpr const char* kTracePagesFile = "pages.trace";
 inline constexpr const char* kAttributesFile = "attributes.blocks";
 inline constexpr const char* kTexturesDirectory = "textures";
 inline constexpr const char* kStoreKind = "SPWSTORE";
-inline constexpr uint32_t kStoreVersion = 4;
+inline constexpr uint32_t kStoreVersion = 9;
 
 // Section names of the manifest. Arrays of the struct named.
 namespace section {
@@ -201,12 +218,19 @@ inline constexpr const char* kFaceContainers = "face_containers";  // cache::Fac
 inline constexpr const char* kFaceTextures = "face_textures";  // cache::FaceTextureInfo
 inline constexpr const char* kLights = "lights";                // shading::Light
 inline constexpr const char* kLightCdf = "light_cdf";           // float
+inline constexpr const char* kEmitters = "emitters";            // shading::Emitter
+inline constexpr const char* kEmissions = "emissions";          // shading::Emission
+inline constexpr const char* kLightNodes = "light_nodes";       // shading::LightNode
+inline constexpr const char* kLightRoots = "light_roots";       // uint32_t, by object
+inline constexpr const char* kEmitterLeaves = "emitter_leaves";    // uint32_t, by emitter
+inline constexpr const char* kInstanceLeaves = "instance_leaves";  // uint32_t, by instance
 inline constexpr const char* kEnvironment = "environment";      // Rgb: the square image of an infinite light, row by row
 inline constexpr const char* kPages = "pages";                  // cache::PageLocation
 inline constexpr const char* kTreeNodes = "tree_nodes";         // cache::TraceNode
 inline constexpr const char* kTreeEntries = "tree_entries";     // cache::PageTreeEntry
 inline constexpr const char* kTreeObjects = "tree_objects";     // cache::PageObject
 inline constexpr const char* kInstances = "instances";          // cache::Instance
+inline constexpr const char* kMotions = "motions";              // Motion: of instances and the camera
 inline constexpr const char* kAttributes = "attributes";        // AttributeLocation
 inline constexpr const char* kCameraPath = "camera_path";       // FrameCamera, by ascending frame; may be empty
 inline constexpr const char* kContent = "content";              // ContentChecksums[1]

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
 
 #include "cache/section_file.h"
 #include "pipeline/source_files.h"
@@ -29,12 +30,19 @@ Result<StoreTables> read_tables(const cache::SectionReader& reader) {
   SPILLWAY_TRY(read_table(reader, section::kFaceTextures, MemoryTag::scene, t.face_textures));
   SPILLWAY_TRY(read_table(reader, section::kLights, MemoryTag::lights, t.lights));
   SPILLWAY_TRY(read_table(reader, section::kLightCdf, MemoryTag::lights, t.light_cdf));
+  SPILLWAY_TRY(read_table(reader, section::kEmitters, MemoryTag::lights, t.emitters));
+  SPILLWAY_TRY(read_table(reader, section::kEmissions, MemoryTag::lights, t.emissions));
+  SPILLWAY_TRY(read_table(reader, section::kLightNodes, MemoryTag::lights, t.light_nodes));
+  SPILLWAY_TRY(read_table(reader, section::kLightRoots, MemoryTag::lights, t.light_roots));
+  SPILLWAY_TRY(read_table(reader, section::kEmitterLeaves, MemoryTag::lights, t.emitter_leaves));
+  SPILLWAY_TRY(read_table(reader, section::kInstanceLeaves, MemoryTag::lights, t.instance_leaves));
   SPILLWAY_TRY(read_table(reader, section::kEnvironment, MemoryTag::lights, t.environment));
   SPILLWAY_TRY(read_table(reader, section::kPages, MemoryTag::scene, t.pages));
   SPILLWAY_TRY(read_table(reader, section::kTreeNodes, MemoryTag::page_tree, t.tree_nodes));
   SPILLWAY_TRY(read_table(reader, section::kTreeEntries, MemoryTag::page_tree, t.tree_entries));
   SPILLWAY_TRY(read_table(reader, section::kTreeObjects, MemoryTag::page_tree, t.tree_objects));
   SPILLWAY_TRY(read_table(reader, section::kInstances, MemoryTag::page_tree, t.instances));
+  SPILLWAY_TRY(read_table(reader, section::kMotions, MemoryTag::page_tree, t.motions));
   SPILLWAY_TRY(read_table(reader, section::kAttributes, MemoryTag::scene, t.attributes));
   SPILLWAY_TRY(read_table(reader, section::kCameraPath, MemoryTag::scene, t.camera_path));
   SPILLWAY_TRY(read_table(reader, section::kContent, MemoryTag::scene, t.content));
@@ -85,19 +93,37 @@ cache::PageTree Store::page_tree() const {
   tree.entries = tables_.tree_entries;
   tree.objects = tables_.tree_objects;
   tree.instances = tables_.instances;
+  tree.motions = tables_.motions;
   tree.scene_extent_world = bounds.empty() ? 0 : std::max(max_abs(bounds.lower), max_abs(bounds.upper));
   return tree;
 }
 
 shading::LightTable Store::light_table() const {
-  const SceneSphere sphere = scene_sphere(settings().statistics.bounds_world);
   const auto first_infinite =
       std::find_if(tables_.lights.begin(), tables_.lights.end(),
                    [](const shading::Light& light) { return light.kind == shading::LightKind::infinite; });
-  return {tables_.lights, tables_.light_cdf, sphere.center, sphere.radius,
-          static_cast<uint32_t>(first_infinite - tables_.lights.begin()),
-          {static_cast<uint32_t>(environment_size(tables_.environment.size())), tables_.environment, environment_row_cdf_,
-           environment_texel_cdf_}};
+  shading::LightTable table;
+  table.emitters = tables_.emitters, table.emissions = tables_.emissions;
+  table.lights = tables_.lights, table.cdf = tables_.light_cdf;
+  table.scene_radius_world = scene_sphere(settings().statistics.bounds_world).radius;
+  table.first_infinite = static_cast<uint32_t>(first_infinite - tables_.lights.begin());
+  table.environment = {static_cast<uint32_t>(environment_size(tables_.environment.size())), tables_.environment,
+                       environment_row_cdf_, environment_texel_cdf_};
+  table.tree = light_tree();
+  return table;
+}
+
+shading::LightTree Store::light_tree() const {
+  // What shading reads of an instance is how cache::Instance begins.
+  static_assert(std::is_standard_layout_v<cache::Instance> && std::is_standard_layout_v<shading::LightInstance>);
+  static_assert(offsetof(cache::Instance, world_from_object) == offsetof(shading::LightInstance, world_from_object) &&
+                offsetof(cache::Instance, object_from_world) == offsetof(shading::LightInstance, object_from_world) &&
+                offsetof(cache::Instance, object) == offsetof(shading::LightInstance, object));
+  shading::LightTree tree;
+  tree.nodes = tables_.light_nodes, tree.roots = tables_.light_roots;
+  tree.emitter_leaves = tables_.emitter_leaves, tree.instance_leaves = tables_.instance_leaves;
+  tree.instances = {tables_.instances.data(), sizeof(cache::Instance)};
+  return tree;
 }
 
 MeshId Store::mesh_of(PrimId prim) const {

@@ -35,12 +35,17 @@ struct StoreTables {
   Buffer<cache::FaceTextureInfo> face_textures;
   Buffer<shading::Light> lights;
   Buffer<float> light_cdf;
+  Buffer<shading::Emitter> emitters;
+  Buffer<shading::Emission> emissions;
+  Buffer<shading::LightNode> light_nodes;
+  Buffer<uint32_t> light_roots, emitter_leaves, instance_leaves;
   Buffer<Rgb> environment;
   Buffer<cache::PageLocation> pages;
   Buffer<cache::TraceNode> tree_nodes;
   Buffer<cache::PageTreeEntry> tree_entries;
   Buffer<cache::PageObject> tree_objects;
   Buffer<cache::Instance> instances;
+  Buffer<Motion> motions;
   Buffer<AttributeLocation> attributes;
   Buffer<FrameCamera> camera_path;
   Buffer<ContentChecksums> content;  // one
@@ -71,8 +76,11 @@ class Store {
   [[nodiscard]] std::span<const cache::FaceContainerInfo> face_containers() const { return tables_.face_containers; }
   [[nodiscard]] std::span<const cache::FaceTextureInfo> face_textures() const { return tables_.face_textures; }
   [[nodiscard]] std::span<const shading::Light> lights() const { return tables_.lights; }
+  [[nodiscard]] std::span<const shading::Emitter> emitters() const { return tables_.emitters; }
+  [[nodiscard]] std::span<const shading::Emission> emissions() const { return tables_.emissions; }
   [[nodiscard]] std::span<const cache::PageLocation> pages() const { return tables_.pages; }
   [[nodiscard]] std::span<const cache::Instance> instances() const { return tables_.instances; }
+  [[nodiscard]] std::span<const Motion> motions() const { return tables_.motions; }
   [[nodiscard]] std::span<const AttributeLocation> attributes() const { return tables_.attributes; }
   [[nodiscard]] std::span<const FrameCamera> camera_path() const { return tables_.camera_path; }
   // Of everything a picture can depend on besides settings and cameras: pages, attributes, images by their names, tables.
@@ -94,6 +102,7 @@ class Store {
  private:
   Store() = default;
   void build_environment();
+  [[nodiscard]] shading::LightTree light_tree() const;
 
   std::filesystem::path directory_;
   StoreTables tables_;

@@ -4,6 +4,9 @@
 #include <cstring>
 #include <vector>
 
+#include "pipeline/check_motion.h"
+#include "pipeline/light_validation.h"
+#include "pipeline/shutter.h"
 #include "shading/noise.h"
 
 namespace spillway::pipeline {
@@ -11,17 +14,8 @@ namespace {
 
 constexpr uint32_t kLargestResolution = 65536;
 constexpr float kLargestFilterRadius = 64;  // pixels
-// Axes come from 32-bit normalisation, some roundings of 6e-8, and may have been through a transform or a text file.
-constexpr float kUnitTolerance = 1e-4f;
 // Each number of a stored inverse is rounded once (2^-24), and the product adds three such; four times that.
 constexpr double kInverseTolerance = 0x1p-20;
-
-template <class... Args>
-Error damaged(std::string_view where, const char* section, size_t index, fmt::format_string<Args...> what,
-              Args&&... args) {
-  return error("{}: section '{}', item {}: {}; pack the scene again", where, section, index,
-               fmt::format(what, std::forward<Args>(args)...));
-}
 
 bool all_finite(std::span<const float> values) {
   for (const float value : values)
@@ -44,6 +38,8 @@ bool are_inverse(const Affine3& a, const Affine3& b) {
     }
   return true;
 }
+
+bool same(const Affine3& a, const Affine3& b) { return std::memcmp(&a, &b, sizeof a) == 0; }
 
 bool is_identity(const Affine3& t) {
   for (int i = 0; i < 3; ++i)
@@ -71,42 +67,14 @@ Status validate_meshes(const StoreTables& t, std::string_view where) {
       return damaged(where, section::kMeshes, i, "unknown flags {:#x}", mesh.flags);
     next_prim += mesh.face_count;
     if (mesh.light_base == LightId::kNone) continue;
-    if (mesh.light_base != next_light || mesh.object != 0)
+    if (mesh.light_base != next_light)
       return damaged(where, section::kMeshes, i, "lights from {} do not follow {}", mesh.light_base, next_light);
     next_light += mesh.face_count;
   }
   if (next_prim > PrimId::kNone) return damaged(where, section::kMeshes, t.meshes.size(), "too many prims");
-  size_t triangle_lights = 0;
-  while (triangle_lights < t.lights.size() && t.lights[triangle_lights].kind == shading::LightKind::triangle)
-    ++triangle_lights;
-  if (triangle_lights != next_light)
-    return damaged(where, section::kLights, triangle_lights, "{} triangles emit, but meshes say {}", triangle_lights,
-                   next_light);
-  return {};
-}
-
-int light_rank(const shading::Light& light) {
-  if (light.kind == shading::LightKind::triangle) return 0;
-  return light.kind == shading::LightKind::infinite ? 2 : 1;
-}
-
-Status validate_lights(const StoreTables& t, std::string_view where) {
-  for (size_t i = 0; i < t.lights.size(); ++i) {
-    if (!check_light(t.lights[i], where))
-      return check_light(t.lights[i], fmt::format("{}: section '{}', item {}", where, section::kLights, i));
-    if (i > 0 && light_rank(t.lights[i]) < light_rank(t.lights[i - 1]))
-      return damaged(where, section::kLights, i, "triangles come first and infinite lights last");
-  }
-  if (t.light_cdf.size() != t.lights.size() + 1)
-    return damaged(where, section::kLightCdf, 0, "{} numbers for {} lights", t.light_cdf.size(), t.lights.size());
-  for (size_t i = 0; i < t.light_cdf.size(); ++i) {
-    const float least = i == 0 ? 0 : t.light_cdf[i - 1];
-    const float most = i == 0 ? 0 : 1;
-    if (!(t.light_cdf[i] >= least && t.light_cdf[i] <= most))
-      return damaged(where, section::kLightCdf, i, "{} is not between {} and {}", t.light_cdf[i], least, most);
-  }
-  if (!t.lights.empty() && t.light_cdf[t.lights.size()] != 1)
-    return damaged(where, section::kLightCdf, t.lights.size(), "ends at {}, not 1", t.light_cdf[t.lights.size()]);
+  if (t.emitters.size() != next_light)
+    return damaged(where, section::kEmitters, t.emitters.size(), "{} triangles emit, but meshes say {}",
+                   t.emitters.size(), next_light);
   return {};
 }
 
@@ -172,10 +140,24 @@ Status validate_instances(const StoreTables& t, std::string_view where) {
       return damaged(where, section::kInstances, i, "the transforms are not inverse to each other");
     if (instance.object >= t.tree_objects.size() || (instance.object == 0) != (i == 0))
       return damaged(where, section::kInstances, i, "object {}", instance.object);
+    if (instance.motion > (i == 0 ? 0 : t.motions.size()) ||
+        (instance.motion != 0 && !same(instance.world_from_object, t.motions[instance.motion - 1].key[0])))
+      return damaged(where, section::kInstances, i, "moves by motion {}, which is none of its own", instance.motion);
   }
   if (t.instances.empty() || !is_identity(t.instances[0].world_from_object) ||
       !is_identity(t.instances[0].object_from_world))
     return damaged(where, section::kInstances, 0, "is not the world");
+  return {};
+}
+
+Status validate_motions(const StoreTables& t, std::string_view where) {
+  for (size_t i = 0; i < t.motions.size(); ++i)
+    if (const Status valid = check_motion(t.motions[i]); !valid)
+      return damaged(where, section::kMotions, i, "what has it {}", valid.error().message);
+  const shading::Camera& camera = t.settings[0].camera;
+  if (camera.motion > t.motions.size() ||
+      (camera.motion != 0 && !same(camera.world_from_camera, t.motions[camera.motion - 1].key[0])))
+    return damaged(where, section::kSettings, 0, "the camera moves by motion {} of {}", camera.motion, t.motions.size());
   return {};
 }
 
@@ -238,6 +220,7 @@ Status validate_tree(const StoreTables& t, std::string_view where) {
   tree.entries = t.tree_entries;
   tree.objects = t.tree_objects;
   tree.instances = t.instances;
+  tree.motions = t.motions;
   SPILLWAY_TRY(cache::validate_page_tree(tree, t.pages.size(), where));
   for (size_t o = 0; o < t.tree_objects.size(); ++o) {
     const cache::PageObject& object = t.tree_objects[o];
@@ -300,12 +283,24 @@ Status check_camera(const shading::Camera& c, std::string_view where) {
   return {};
 }
 
+Status check_shutter(const shading::Camera& c, const MotionSettings& motion, std::string_view where) {
+  if (!(motion.end_time > motion.start_time))
+    return error("{}: the keys of motion at {} and {} are not in order", where, motion.start_time, motion.end_time);
+  const Shutter shutter = shutter_of(c, motion);
+  if (std::isfinite(shutter.open) && std::isfinite(shutter.close) && shutter.close >= shutter.open) return {};
+  return error("{}: a shutter from {} to {}, for motion from {} to {}", where, c.shutter_open, c.shutter_close,
+               motion.start_time, motion.end_time);
+}
+
 }  // namespace
 
 Status check_camera_path(std::span<const FrameCamera> path, const SceneSettings& settings, std::string_view where) {
   for (size_t i = 0; i < path.size(); ++i) {
     const FrameCamera& f = path[i];
-    SPILLWAY_TRY(check_camera(f.camera, fmt::format("{}: frame {}", where, f.frame)));
+    const std::string frame = fmt::format("{}: frame {}", where, f.frame);
+    SPILLWAY_TRY(check_camera(f.camera, frame));
+    SPILLWAY_TRY(check_shutter(f.camera, settings.motion, frame));
+    if (f.camera.motion != 0) return error("{}: its camera moves; those of a path stand still", frame);
     if (i > 0 && f.frame <= path[i - 1].frame)
       return error("{}: frame {} follows frame {}", where, f.frame, path[i - 1].frame);
     if (f.camera.resolution_x_px != settings.camera.resolution_x_px ||
@@ -319,6 +314,7 @@ Status check_camera_path(std::span<const FrameCamera> path, const SceneSettings&
 Status check_settings(const SceneSettings& settings, std::string_view where) {
   const shading::Camera& c = settings.camera;
   SPILLWAY_TRY(check_camera(c, where));
+  SPILLWAY_TRY(check_shutter(c, settings.motion, where));
   const shading::Filter& f = settings.filter;
   const float radii[] = {f.radius_px.x, f.radius_px.y};
   for (const float radius : radii)
@@ -332,11 +328,13 @@ Status check_settings(const SceneSettings& settings, std::string_view where) {
                    film.crop_y1 > c.resolution_y_px))
     return error("{}: the crop {}..{} x {}..{} does not lie in the picture", where, film.crop_x0, film.crop_x1,
                  film.crop_y0, film.crop_y1);
-  if (!std::isfinite(film.exposure_scale) || film.exposure_scale <= 0)
+  if (!(film.exposure_scale >= kLeastExposure && film.exposure_scale <= kMostExposure))
     return error("{}: an exposure scale of {}", where, film.exposure_scale);
   if (settings.render.sampler > shading::SamplerKind::independent)
     return error("{}: a sampler of no known kind", where);
   if (settings.render.samples_per_pixel == 0) return error("{}: no samples a pixel", where);
+  if (settings.render.light_selection > LightSelection::uniform)
+    return error("{}: lights are chosen in no known way", where);
   return {};
 }
 
@@ -419,27 +417,6 @@ Status check_material(const Material& material, size_t index, size_t texture_cou
   return {};
 }
 
-Status check_light(const shading::Light& light, std::string_view where) {
-  if (light.kind > shading::LightKind::infinite) return error("{}: is of no known kind", where);
-  if (!is_finite(light.radiance) || light.radiance.r < 0 || light.radiance.g < 0 || light.radiance.b < 0)
-    return error("{}: emits ({}, {}, {}); emission must be finite and not negative", where, light.radiance.r,
-                 light.radiance.g, light.radiance.b);
-  if (!is_finite(light.position) || !is_finite(light.edge1) || !is_finite(light.edge2) ||
-      !std::isfinite(light.cos_total) || !std::isfinite(light.cos_falloff) || !std::isfinite(light.normal_sign))
-    return error("{}: has a number that is not finite", where);
-  const bool has_axis = light.kind == shading::LightKind::spot || light.kind == shading::LightKind::distant;
-  if (has_axis && std::fabs(length_squared(light.edge1) - 1) > kUnitTolerance)
-    return error("{}: has an axis of length {}, not one", where, length(light.edge1));
-  if (light.kind == shading::LightKind::spot && light.cos_falloff < light.cos_total)
-    return error("{}: falls off inside an angle larger than its cone", where);
-  if (light.has_image > 1 || (light.has_image == 1 && light.kind != shading::LightKind::infinite))
-    return error("{}: has an image, and is no infinite light", where);
-  if (light.has_image == 1)
-    for (const Float3 axis : {light.position, light.edge1, light.edge2})
-      if (std::fabs(length_squared(axis) - 1) > kUnitTolerance) return error("{}: has an axis of length {}, not one", where, length(axis));
-  return {};
-}
-
 Status validate_tables(const StoreTables& t, std::string_view where) {
   if (t.settings.size() != 1) return damaged(where, section::kSettings, 0, "{} settings", t.settings.size());
   SPILLWAY_TRY(check_settings(t.settings[0], fmt::format("{}: section '{}'", where, section::kSettings)));
@@ -461,8 +438,10 @@ Status validate_tables(const StoreTables& t, std::string_view where) {
   SPILLWAY_TRY(validate_environment(t, where));
   SPILLWAY_TRY(validate_pages(t, where));
   SPILLWAY_TRY(validate_attributes(t, where));
+  SPILLWAY_TRY(validate_motions(t, where));
   SPILLWAY_TRY(validate_instances(t, where));
   SPILLWAY_TRY(validate_tree(t, where));
+  SPILLWAY_TRY(validate_light_trees(t, where));
   const Bounds3& world = t.settings[0].statistics.bounds_world;
   const Bounds3& object = t.tree_objects[0].bounds_object;
   const bool empty = t.tree_objects[0].root == cache::kNoChild;

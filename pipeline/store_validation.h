@@ -12,6 +12,14 @@
 
 namespace spillway::pipeline {
 
+// What is wrong with which item of which section.
+template <class... Args>
+Error damaged(std::string_view where, const char* section, size_t index, fmt::format_string<Args...> what,
+              Args&&... args) {
+  return error("{}: section '{}', item {}: {}; pack the scene again", where, section, index,
+               fmt::format(what, std::forward<Args>(args)...));
+}
+
 // `where` names the manifest; messages add section and index.
 Status validate_tables(const StoreTables& tables, std::string_view where);
 // That the files named are there and long enough for the tables.
@@ -35,7 +43,5 @@ class TextureCosts {
   std::vector<uint32_t> costs_;
 };
 Status check_material(const Material& material, size_t index, size_t texture_count, std::string_view where);
-// Finite numbers, a unit axis, a spot whose edges are in order.
-Status check_light(const shading::Light& light, std::string_view where);
 
 }  // namespace spillway::pipeline

@@ -303,6 +303,11 @@ BsdfValue evaluate_bsdf(const BsdfParams& b, Float3 w_prev_local, Float3 w_next_
   return o.z > 0 ? opaque_value(b, i, o) : BsdfValue{};
 }
 
+bool transmits(const BsdfParams& bsdf) {
+  return bsdf.kind == BsdfKind::dielectric || bsdf.kind == BsdfKind::thin_dielectric ||
+         bsdf.kind == BsdfKind::diffuse_transmission;
+}
+
 bool has_continuous_lobe(const BsdfParams& b) {
   switch (b.kind) {
     case BsdfKind::none:

@@ -60,6 +60,8 @@ struct BsdfValue {
 [[nodiscard]] BsdfValue evaluate_bsdf(const BsdfParams& bsdf, Float3 w_prev_local, Float3 w_next_local);
 // Whether evaluate_bsdf can return anything but zero: next-event estimation is worth a ray.
 [[nodiscard]] bool has_continuous_lobe(const BsdfParams& bsdf);
+// Whether any light passes to the other side: directions on both sides of the normal matter then.
+[[nodiscard]] bool transmits(const BsdfParams& bsdf);
 // Directional albedo estimate for the albedo AOV (no noise: a closed form, exact for diffuse).
 [[nodiscard]] Rgb albedo_estimate(const BsdfParams& bsdf, Float3 w_prev_local);
 

@@ -47,45 +47,43 @@ FilterSampler::FilterSampler(const Filter& filter) : filter_(filter) {
       const double value = filter_1d(filter, radius * (2.0 * (i + 0.5) / kCells - 1), radius);
       magnitude += std::fabs(value), sum += value;
       cdf_[axis][i + 1] = static_cast<float>(magnitude);
+      sign_[axis][i] = value < 0 ? -1.0f : 1.0f;
     }
     for (int i = 1; i <= kCells; ++i) cdf_[axis][i] = static_cast<float>(cdf_[axis][i] / magnitude);
     cdf_[axis][kCells] = 1;
+    for (int i = 0, cell = 0; i < kCells; ++i) {
+      while (cell + 1 < kCells && cdf_[axis][cell + 1] <= static_cast<float>(i) / kCells) ++cell;
+      first_cell_[axis][i] = static_cast<uint8_t>(cell);
+    }
     scale *= magnitude / sum;
   }
   scale_ = static_cast<float>(scale);
 }
 
-namespace {
-
-struct AxisSample {
-  float offset;
-  float sign;
-};
-
-AxisSample sample_axis(const Filter& filter, const float* cdf, int cells, float radius, float u) {
-  int low = 0, high = cells;  // cdf[low] <= u < cdf[high]
-  while (high - low > 1) {
-    const int middle = (low + high) / 2;
-    (cdf[middle] <= u ? low : high) = middle;
-  }
-  const float width = cdf[high] - cdf[low];
-  const float inside = width > 0 ? (u - cdf[low]) / width : 0.5f;
-  const float offset = radius * (2 * (static_cast<float>(low) + inside) / static_cast<float>(cells) - 1);
-  const double middle = radius * (2.0 * (low + 0.5) / cells - 1);
-  return {offset, filter_1d(filter, middle, radius) < 0 ? -1.0f : 1.0f};
+// Cells up to a 128th of the way are skipped: the rest is a step or two.
+FilterSampler::AxisSample FilterSampler::sample_axis(int axis, float u) const {
+  const float* const cdf = cdf_[axis];
+  int cell = first_cell_[axis][static_cast<int>(u * kCells)];
+  while (cdf[cell + 1] <= u) ++cell;
+  const float width = cdf[cell + 1] - cdf[cell];
+  const float inside = width > 0 ? (u - cdf[cell]) / width : 0.5f;
+  const float radius = axis == 0 ? filter_.radius_px.x : filter_.radius_px.y;
+  return {radius * (2 * (static_cast<float>(cell) + inside) / kCells - 1), sign_[axis][cell]};
 }
-
-}  // namespace
 
 FilterSample FilterSampler::sample(Float2 u) const {
   if (filter_.kind == FilterKind::box)
     return {{filter_.radius_px.x * (2 * u.x - 1), filter_.radius_px.y * (2 * u.y - 1)}, 1};
-  const AxisSample x = sample_axis(filter_, cdf_[0], kCells, filter_.radius_px.x, u.x);
-  const AxisSample y = sample_axis(filter_, cdf_[1], kCells, filter_.radius_px.y, u.y);
+  const AxisSample x = sample_axis(0, u.x);
+  const AxisSample y = sample_axis(1, u.y);
   return {{x.offset, y.offset}, x.sign * y.sign * scale_};
 }
 
 CameraRay camera_ray(const Camera& camera, Float2 p_raster_px, Float2 u_lens) {
+  return camera_ray(camera, camera.world_from_camera, p_raster_px, u_lens);
+}
+
+CameraRay camera_ray(const Camera& camera, const Affine3& world_from_camera, Float2 p_raster_px, Float2 u_lens) {
   const auto width = static_cast<float>(camera.resolution_x_px), height = static_cast<float>(camera.resolution_y_px);
   const float x = camera.screen_center_x + camera.tan_half_fov_x * (2 * p_raster_px.x / width - 1);
   const float y = camera.screen_center_y + camera.tan_half_fov_y * (1 - 2 * p_raster_px.y / height);
@@ -99,8 +97,8 @@ CameraRay camera_ray(const Camera& camera, Float2 p_raster_px, Float2 u_lens) {
   }
   const float pixel = 2 * camera.tan_half_fov_y / height;  // its size, or its angle at the image's centre
   CameraRay ray;
-  ray.origin_world = camera.world_from_camera.point(origin);
-  ray.direction_world = normalize(camera.world_from_camera.vector(direction));
+  ray.origin_world = world_from_camera.point(origin);
+  ray.direction_world = normalize(world_from_camera.vector(direction));
   ray.cone_width = parallel ? pixel : 0;
   ray.cone_spread = parallel ? 0 : pixel;
   return ray;

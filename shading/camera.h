@@ -28,16 +28,23 @@ class FilterSampler {
   [[nodiscard]] FilterSample sample(Float2 u) const;
 
  private:
+  struct AxisSample {
+    float offset, sign;
+  };
+  [[nodiscard]] AxisSample sample_axis(int axis, float u) const;
+
   static constexpr int kCells = 128;
   Filter filter_;
   float cdf_[2][kCells + 1] = {};  // of |f| along x and y (all kinds are separable)
+  float sign_[2][kCells] = {};
+  uint8_t first_cell_[2][kCells] = {};  // the last that begins at or before i / kCells
   float scale_ = 1;                // integral |f| / integral f, over both axes
 };
 
 // pbrt conventions: camera space is left-handed (x right, y up, z forward), fov of the shorter axis, screen window from
 // the aspect ratio unless given.
 struct Camera {
-  Affine3 world_from_camera;
+  Affine3 world_from_camera;  // of a camera that moves: its first key
   float tan_half_fov_x = 1, tan_half_fov_y = 1;  // of the screen window's half extents at z = 1; orthographic: these
   float screen_center_x = 0, screen_center_y = 0;
   float lens_radius = 0;
@@ -45,7 +52,7 @@ struct Camera {
   float shutter_open = 0, shutter_close = 1;
   uint32_t resolution_x_px = 1280, resolution_y_px = 720;
   uint32_t is_orthographic = 0;
-  uint32_t reserved = 0;  // the store has no padding
+  uint32_t motion = 0;  // 0: stands still; else one more than its place among the scene's motions
 };
 
 struct CameraRay {
@@ -56,5 +63,7 @@ struct CameraRay {
 };
 // p_raster_px: continuous, (0,0) the upper left corner of the full frame; u_lens in [0,1)^2.
 [[nodiscard]] CameraRay camera_ray(const Camera& camera, Float2 p_raster_px, Float2 u_lens);
+// The same with the camera where it is at the time of the ray.
+[[nodiscard]] CameraRay camera_ray(const Camera& camera, const Affine3& world_from_camera, Float2 p_raster_px, Float2 u_lens);
 
 }  // namespace spillway::shading

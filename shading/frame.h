@@ -1,6 +1,6 @@
 #pragma once
 
-// Orthonormal frames (Duff et al. 2017, Building an Orthonormal Basis, Revisited) and robust ray origins.
+// Orthonormal frames (Duff et al. 2017, Building an Orthonormal Basis, Revisited) robust ray origins, and handedness.
 
 #include "cache/base/vec.h"
 
@@ -18,7 +18,11 @@ struct Frame {
 [[nodiscard]] Frame frame_from_z_and_tangent(Float3 z, Float3 tangent);
 
 // The origin of a ray that leaves the surface at p on the side of `direction`: p moved along the geometric normal by a
-// few ulp (Waechter and Binder 2019, Ray Tracing Gems ch. 6).
-[[nodiscard]] Float3 ray_origin(Float3 p, Float3 normal_geometric, Float3 direction);
+// few ulp (Waechter and Binder 2019, Ray Tracing Gems ch. 6). Near a coordinate's zero the step is a length, smaller
+// where the whole scene is smaller than one.
+[[nodiscard]] Float3 ray_origin(Float3 p, Float3 normal_geometric, Float3 direction, float scene_radius_world);
+
+// Whether a transform turns right hands into left ones.
+[[nodiscard]] bool mirrors(const Affine3& transform);
 
 }  // namespace spillway::shading

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "shading/frame.h"
 #include "shading/trigonometry.h"
 
 namespace spillway::shading {
@@ -19,37 +20,23 @@ float spot_falloff(const Light& light, Float3 w_from_light) {
   return cosine <= light.cos_total ? 0 : smoothstep(light.cos_total, light.cos_falloff, cosine);
 }
 
-// The chance of a light; the same subtraction wherever it is asked for.
-float pmf(const LightTable& table, uint32_t index) { return table.cdf[index + 1] - table.cdf[index]; }
+// The chance of a choice; the same subtraction wherever it is asked for.
+float pmf(const LightTable& table, size_t choice) { return table.cdf[choice + 1] - table.cdf[choice]; }
 
-// The one place where an area density becomes one over solid angle: sampling and chance hits both come here, so that
-// their bits agree. Infinite at grazing angles is given as 0: such samples carry nothing.
-float pdf_from_area(const Light& light, float chance, Float3 receiver_world, Float3 point_world) {
-  const Float3 n = cross(light.edge1, light.edge2);
-  const Float3 to_light = point_world - receiver_world;
-  const float squared = length_squared(to_light);
-  const float cosine_times = std::fabs(dot(n, to_light));  // cos * double_area * distance
-  if (!(cosine_times > 0)) return 0;
-  // distance^2 / (area cos): the length of n, twice the area, cancels against the cosine's.
-  return chance * 2 * squared * std::sqrt(squared) / cosine_times;
-}
+// Lights are the choices after these.
+size_t first_light(const LightTable& table) { return table.tree.empty() ? table.emitters.size() : 1; }
 
-LightSample sample_triangle(const Light& light, float chance, Float3 receiver, Float2 u) {
-  // Uniform on the triangle without a fold (Heitz 2019, A Low-Distortion Map Between Triangle and Square).
-  float b1 = u.x * 0.5f, b2 = u.y * 0.5f;
-  const float offset = b2 - b1;
-  if (offset > 0)
-    b2 += offset;
-  else
-    b1 -= offset;
+LightSample sample_emitter(const LightTable& table, const LightPick& pick, Float3 receiver, Float2 u) {
+  const TriangleShape shape = emitter_in_world(table, pick.instance, pick.index);
+  const TrianglePoint place = sample_triangle(shape, receiver, u);
   LightSample sample;
-  sample.point_world = light.position + light.edge1 * b1 + light.edge2 * b2;
+  sample.point_world = place.point;
   const Float3 to_light = sample.point_world - receiver;
   sample.distance = length(to_light);
   if (!(sample.distance > 0)) return {};
   sample.w_next_world = to_light * (1 / sample.distance);
-  sample.radiance = triangle_radiance(light, sample.w_next_world);
-  sample.pdf_solid_angle = pdf_from_area(light, chance, receiver, sample.point_world);
+  sample.radiance = emitter_radiance(shape, table.emissions[table.emitters[pick.index].emission], sample.w_next_world);
+  sample.pdf_solid_angle = pick.pmf * place.pdf_solid_angle;
   return sample;
 }
 
@@ -78,7 +65,9 @@ LightSample sample_distant(const Light& light, float chance) {
   return sample;
 }
 
-Float3 to_light_frame(const Light& light, Float3 w) { return {dot(light.position, w), dot(light.edge1, w), dot(light.edge2, w)}; }
+Float3 to_light_frame(const Light& light, Float3 w) {
+  return {dot(light.position, w), dot(light.edge1, w), dot(light.edge2, w)};
+}
 
 Float3 uniform_direction(Float2 u) {
   const float z = 1 - 2 * u.x;
@@ -108,39 +97,74 @@ float light_power(const Light& light, float scene_radius_world, float mean_of_im
   const float l = std::max(0.0f, luminance(light.radiance)) * (light.has_image ? mean_of_image : 1);
   const float disk = kPi * scene_radius_world * scene_radius_world;
   switch (light.kind) {
-    case LightKind::triangle:
-      return l * kPi * 0.5f * length(cross(light.edge1, light.edge2)) * (light.two_sided ? 2.0f : 1.0f);
-    case LightKind::point: return 4 * kPi * l;
-    case LightKind::spot: return 2 * kPi * l * (1 - 0.5f * (light.cos_total + light.cos_falloff));
-    case LightKind::distant: return l * disk;
-    case LightKind::infinite: return l * kPi * disk;
+    case LightKind::point:
+      return 4 * kPi * l;
+    case LightKind::spot:
+      return 2 * kPi * l * (1 - 0.5f * (light.cos_total + light.cos_falloff));
+    case LightKind::distant:
+      return l * disk;
+    case LightKind::infinite:
+      return l * kPi * disk;
   }
   return 0;
 }
 
-LightSample sample_light(const LightTable& table, Float3 receiver_world, float u_select, Float2 u) {
-  if (table.lights.empty()) return {};
-  const auto after = std::upper_bound(table.cdf.begin() + 1, table.cdf.end() - 1, u_select);
-  const auto index = static_cast<uint32_t>(after - table.cdf.begin()) - 1;
-  const Light& light = table.lights[index];
-  const float chance = pmf(table, index);
+float emitter_power(const TriangleShape& shape, const Emission& emission) {
+  const float l = std::max(0.0f, luminance(emission.radiance));
+  return l * kPi * 0.5f * length(cross(shape.edge1, shape.edge2)) * (emission.two_sided ? 2.0f : 1.0f);
+}
+
+LightSample sample_light(const LightTable& table, const LightReceiver& receiver, Float2 u_select, Float2 u) {
+  if (table.empty()) return {};
+  const auto after = std::upper_bound(table.cdf.begin() + 1, table.cdf.end() - 1, u_select.x);
+  const auto choice = static_cast<size_t>(after - table.cdf.begin()) - 1;
+  const float chance = pmf(table, choice);
+  LightPick pick{LightChild::light, static_cast<uint32_t>(choice - first_light(table)), 0, chance};
+  if (choice < first_light(table)) {
+    pick.kind = LightChild::emitter, pick.index = static_cast<uint32_t>(choice);
+    if (!table.tree.empty()) {
+      // The tree is the first choice: what is below its share is the place inside.
+      const double u_tree =
+          (static_cast<double>(u_select.x) + static_cast<double>(u_select.y) * 0x1p-24) / static_cast<double>(chance);
+      pick = pick_light(table.tree, receiver, std::min(u_tree, 0x1.fffffffffffffp-1));
+      pick.pmf = chance * pick.pmf;
+    }
+  }
+  if (pick.kind == LightChild::emitter) return sample_emitter(table, pick, receiver.position_world, u);
+  if (pick.kind != LightChild::light) return {};
+  const Light& light = table.lights[pick.index];
   switch (light.kind) {
-    case LightKind::triangle: return sample_triangle(light, chance, receiver_world, u);
     case LightKind::point:
-    case LightKind::spot: return sample_point(light, chance, receiver_world);
-    case LightKind::distant: return sample_distant(light, chance);
-    case LightKind::infinite: return sample_infinite(table, light, u);
+    case LightKind::spot:
+      return sample_point(light, pick.pmf, receiver.position_world);
+    case LightKind::distant:
+      return sample_distant(light, pick.pmf);
+    case LightKind::infinite:
+      return sample_infinite(table, light, u);
   }
   return {};
 }
 
-Rgb triangle_radiance(const Light& light, Float3 w_world) {
-  const float facing = -light.normal_sign * dot(cross(light.edge1, light.edge2), w_world);
-  return light.two_sided || facing > 0 ? light.radiance : Rgb{0, 0, 0};
+TriangleShape emitter_in_world(const LightTable& table, uint32_t instance, uint32_t emitter) {
+  const TriangleShape& shape = table.emitters[emitter].shape;
+  if (instance == 0) return shape;
+  const Affine3& t = table.tree.instances[instance].world_from_object;
+  TriangleShape moved{t.point(shape.position), t.vector(shape.edge1), t.vector(shape.edge2)};
+  // A mirror turns cross products over, but not the side.
+  if (mirrors(t)) std::swap(moved.edge1, moved.edge2);
+  return moved;
 }
 
-float triangle_pdf_solid_angle(const LightTable& table, uint32_t index, Float3 receiver_world, Float3 point_world) {
-  return pdf_from_area(table.lights[index], pmf(table, index), receiver_world, point_world);
+Rgb emitter_radiance(const TriangleShape& shape_world, const Emission& emission, Float3 w_world) {
+  const float facing = -dot(cross(shape_world.edge1, shape_world.edge2), w_world);
+  return emission.two_sided || facing > 0 ? emission.radiance : Rgb{0, 0, 0};
+}
+
+float emitter_pdf_solid_angle(const LightTable& table, const LightReceiver& receiver, uint32_t instance,
+                              uint32_t emitter, const TriangleShape& shape_world, Float3 point_world) {
+  const float place = triangle_pdf_solid_angle(shape_world, receiver.position_world, point_world);
+  if (table.tree.empty()) return pmf(table, emitter) * place;
+  return pmf(table, 0) * emitter_pmf(table.tree, receiver, instance, emitter) * place;
 }
 
 bool has_infinite_light(const LightTable& table) { return table.first_infinite < table.lights.size(); }
@@ -149,7 +173,8 @@ Rgb infinite_radiance(const LightTable& table, Float3 w_world) {
   Rgb sum{0, 0, 0};
   for (size_t i = table.first_infinite; i < table.lights.size(); ++i) {
     const Light& light = table.lights[i];
-    sum += light.has_image ? light.radiance * environment_radiance(table.environment, to_light_frame(light, w_world)) : light.radiance;
+    sum += light.has_image ? light.radiance * environment_radiance(table.environment, to_light_frame(light, w_world))
+                           : light.radiance;
   }
   return sum;
 }
@@ -158,7 +183,8 @@ float infinite_pdf_solid_angle(const LightTable& table, Float3 w_world) {
   float sum = 0;
   for (uint32_t i = table.first_infinite; i < table.lights.size(); ++i) {
     const Light& light = table.lights[i];
-    sum += pmf(table, i) * (light.has_image ? environment_pdf(table.environment, to_light_frame(light, w_world)) : 0.25f / kPi);
+    sum += pmf(table, first_light(table) + i) *
+           (light.has_image ? environment_pdf(table.environment, to_light_frame(light, w_world)) : 0.25f / kPi);
   }
   return sum;
 }

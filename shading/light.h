@@ -1,43 +1,63 @@
 #pragma once
 
-// Lights as numbers: selection, sampling and pdfs. One entry a light; every triangle of an emissive mesh is one.
+// Lights as numbers: selection, sampling and pdfs. Emissive meshes are emitters, a triangle each; all else is a Light.
 
 #include <cstdint>
 #include <span>
 
 #include "cache/base/vec.h"
 #include "shading/environment.h"
+#include "shading/light_tree.h"
+#include "shading/sample_triangle.h"
 
 namespace spillway::shading {
 
-enum class LightKind : uint32_t { triangle, point, spot, distant, infinite };
+enum class LightKind : uint32_t { point, spot, distant, infinite };
 
 struct Light {
   LightKind kind;
-  uint32_t two_sided;   // triangle: emits to both sides; else to the side of its geometric normal
-  Rgb radiance;         // triangle, infinite: L. point, spot: intensity (W/sr). distant: irradiance across the beam
-  Float3 position;      // triangle: p0. point, spot: position
-  Float3 edge1, edge2;  // triangle: p1 - p0, p2 - p0. spot, distant: edge1 = unit axis of emission
+  Rgb radiance;         // infinite: L. point, spot: intensity (W/sr). distant: irradiance across the beam
+  Float3 position;      // point, spot
+  Float3 edge1, edge2;  // spot, distant: edge1 = unit axis of emission
                         // infinite with an image: position, edge1, edge2 are the light's unit axes in the world
   float cos_total;      // spot: nothing outside
   float cos_falloff;    // spot: full inside; a smoothstep in the cosine between
-  float normal_sign;    // triangle: -1 when the emitting side is opposite to cross(edge1, edge2)
   uint32_t has_image;   // infinite: radiance multiplies the scene's environment map; one light of a scene at most
 };
-static_assert(sizeof(Light) == 72);
+static_assert(sizeof(Light) == 64);
 
+// A triangle that emits, in the space of its object; cross(edge1, edge2) points to the side it emits to.
+struct Emitter {
+  TriangleShape shape;
+  uint32_t emission;  // of the table of emissions
+};
+static_assert(sizeof(Emitter) == 40);
+
+// What a mesh emits.
+struct Emission {
+  Rgb radiance;
+  uint32_t two_sided;
+};
+static_assert(sizeof(Emission) == 16);
+
+// Selection is by `cdf` over choices: first the emitters one by one, or in scenes with very many of them the tree,
+// which then holds point and spot lights too; after that the lights.
 struct LightTable {
+  std::span<const Emitter> emitters;
+  std::span<const Emission> emissions;
   std::span<const Light> lights;
-  std::span<const float> cdf;      // size lights + 1, cdf[0] = 0, last = 1: in proportion to power
-  Float3 scene_center_world{0, 0, 0};
+  std::span<const float> cdf;  // choices + 1: cdf[0] = 0, last = 1: in proportion to power, see pack_lights
   float scene_radius_world = 1;
-  uint32_t first_infinite = 0;  // infinite lights are the last of the table
+  uint32_t first_infinite = 0;   // infinite lights are the last of the table
   EnvironmentMap environment{};  // of the one that has an image
+  LightTree tree{};              // empty: emitters are choices of their own
+  [[nodiscard]] bool empty() const { return emitters.empty() && lights.empty(); }
 };
 
-// Radiant power, for the selection table; infinite and distant lights use the scene's radius. mean_of_image: luminance,
-// of an infinite light's image.
+// Radiant power, for selection; infinite and distant lights use the scene's radius. mean_of_image: luminance, of an
+// infinite light's image.
 [[nodiscard]] float light_power(const Light& light, float scene_radius_world, float mean_of_image = 1);
+[[nodiscard]] float emitter_power(const TriangleShape& shape, const Emission& emission);
 
 struct LightSample {
   Float3 w_next_world{0, 0, 1};  // unit, towards the light
@@ -47,13 +67,17 @@ struct LightSample {
   float pdf_solid_angle = 0;     // including the pmf of the light; for deltas: the pmf alone
   bool is_delta = false;
 };
-// u_select chooses, u places. pdf 0: no contribution.
-[[nodiscard]] LightSample sample_light(const LightTable& table, Float3 receiver_world, float u_select, Float2 u);
+// u_select chooses (its x, with y for the bits that x does not have), u places. pdf 0: no contribution.
+[[nodiscard]] LightSample sample_light(const LightTable& table, const LightReceiver& receiver, Float2 u_select,
+                                       Float2 u);
 
-// Radiance of light `index` (triangle) seen from receiver at p with direction w (unit, receiver to light).
-[[nodiscard]] Rgb triangle_radiance(const Light& light, Float3 w_world);
+// A triangle of an instance (0: of the world) where it stands.
+[[nodiscard]] TriangleShape emitter_in_world(const LightTable& table, uint32_t instance, uint32_t emitter);
+// Its radiance, seen along w (unit, receiver to light).
+[[nodiscard]] Rgb emitter_radiance(const TriangleShape& shape_world, const Emission& emission, Float3 w_world);
 // Density with which sample_light would have chosen this point: equal, bit for bit, to what sampling returned.
-[[nodiscard]] float triangle_pdf_solid_angle(const LightTable& table, uint32_t index, Float3 receiver_world, Float3 point_world);
+[[nodiscard]] float emitter_pdf_solid_angle(const LightTable& table, const LightReceiver& receiver, uint32_t instance,
+                                            uint32_t emitter, const TriangleShape& shape_world, Float3 point_world);
 
 [[nodiscard]] bool has_infinite_light(const LightTable& table);
 // Sum over the infinite lights.

@@ -39,6 +39,13 @@ constexpr uint32_t bounce_slot(uint32_t bounce, BounceSlot slot) {
 // A point in [0,1)^2 of the given slot.
 [[nodiscard]] Float2 sample_2d(SampleKey key, uint32_t slot);
 
+// The points of a vertex, all of its slots at once: the bits of sample_2d() in a third of its time.
+struct BouncePoints {
+  Float2 at[kSlotsPerBounce];
+  Float2 operator[](BounceSlot slot) const { return at[slot]; }
+};
+[[nodiscard]] BouncePoints sample_bounce(SampleKey key, uint32_t bounce);
+
 // Hashed, uniform in [0, 1): for decisions whose number or order is not fixed (alpha, mix, rounding).
 [[nodiscard]] float hashed_1d(SampleKey key, SampleStream stream, uint32_t a, uint32_t b, uint32_t c);
 

@@ -1,40 +1,19 @@
 #pragma once
 
-// Sine, cosine and arc tangent of our own, so that their bits do not change with the C library.
+// Sine, cosine (cache/base/trigonometry.h) and arc tangent of our own, so that their bits do not change with the C library.
 
 #include <algorithm>
 #include <cmath>
 
+#include "cache/base/trigonometry.h"
 #include "cache/base/vec.h"
 
 namespace spillway::shading {
 
-inline constexpr float kPi = 3.14159265358979f;
-
-struct SinCos {
-  float sin, cos;
-};
-
-// x in [-pi/4, pi/4]: Taylor polynomials to x^9 and x^8, absolute error below 2e-8 there.
-inline SinCos small_sin_cos(float x) {
-  const float s = x * x;
-  const float sine = x * (1 + s * (-1.0f / 6 + s * (1.0f / 120 + s * (-1.0f / 5040 + s * (1.0f / 362880)))));
-  const float cosine = 1 + s * (-0.5f + s * (1.0f / 24 + s * (-1.0f / 720 + s * (1.0f / 40320))));
-  return {sine, cosine};
-}
-
-// Sine and cosine of 2 pi u, u in [0, 1].
-inline SinCos sin_cos_turn(float u) {
-  const float eighths = u * 4 + 0.5f;
-  const int quadrant = static_cast<int>(eighths);
-  const SinCos r = small_sin_cos((u * 4 - static_cast<float>(quadrant)) * (kPi / 2));
-  switch (quadrant & 3) {
-    case 0: return r;
-    case 1: return {r.cos, -r.sin};
-    case 2: return {-r.sin, -r.cos};
-    default: return {-r.cos, r.sin};
-  }
-}
+using spillway::kPi;
+using spillway::SinCos;
+using spillway::sin_cos_turn;
+using spillway::small_sin_cos;
 
 // The angle in [0, pi/4] whose tangent is y / x, for 0 <= y <= x, x > 0: halved twice, then Taylor's series to the 11th
 // power, which is off by less than 1e-10.

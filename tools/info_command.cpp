@@ -1,5 +1,6 @@
 #include <OpenImageIO/imageio.h>
 
+#include <algorithm>
 #include <memory>
 #include <nlohmann/json.hpp>
 
@@ -15,29 +16,45 @@ namespace {
 using nlohmann::json;
 using namespace pipeline;
 
+// Of a scene that stands still nothing.
+void add_motion_facts(const Store& store, json& facts) {
+  const auto moves = [](const cache::Instance& i) { return i.motion != 0; };
+  const auto moving = std::count_if(store.instances().begin(), store.instances().end(), moves);
+  const shading::Camera& camera = store.settings().camera;
+  if (moving != 0) facts["instances_moving"] = moving;
+  if (camera.motion != 0) facts["camera"] = "moves";
+  if (!store.motions().empty()) facts["shutter"] = {camera.shutter_open, camera.shutter_close};
+}
+
 Result<json> store_facts(const std::filesystem::path& path) {
   SPILLWAY_ASSIGN(const Store store, Store::open(path));
   const SceneSettings& settings = store.settings();
   uint64_t page_bytes = 0, attribute_bytes = 0;
   for (const cache::PageLocation& page : store.pages()) page_bytes += page.size_bytes;
   for (const AttributeLocation& block : store.attributes()) attribute_bytes += block.size_bytes;
-  return json{{"kind", "store"},
-              {"triangles", settings.statistics.triangle_count},
-              {"triangles_instanced", settings.statistics.instanced_triangle_count},
-              {"triangles_of_zero_area_dropped", settings.statistics.degenerate_dropped_count},
-              {"meshes", store.meshes().size()},
-              {"instances", store.instances().size() - 1},
-              {"materials", store.materials().size()},
-              {"images", store.images().size()},
-              {"lights", store.lights().size()},
-              {"pages", store.pages().size()},
-              {"page_bytes", page_bytes},
-              {"attribute_blocks", store.attributes().size()},
-              {"attribute_bytes", attribute_bytes},
-              {"texture_bytes", cache::TextureCache::bytes_for_all(store.images(), store.face_containers())},
-              {"resolution", {settings.camera.resolution_x_px, settings.camera.resolution_y_px}},
-              {"samples_per_pixel", settings.render.samples_per_pixel},
-              {"max_depth", settings.render.max_depth}};
+  json facts = {{"kind", "store"},
+                {"triangles", settings.statistics.triangle_count},
+                {"triangles_instanced", settings.statistics.instanced_triangle_count},
+                {"triangles_of_zero_area_dropped", settings.statistics.degenerate_dropped_count},
+                {"meshes", store.meshes().size()},
+                {"instances", store.instances().size() - 1},
+                {"materials", store.materials().size()},
+                {"images", store.images().size()},
+                {"face_textures", store.face_textures().size()},
+                {"lights", store.lights().size()},
+                {"emitting_triangles", store.emitters().size()},
+                {"lights_that_shine_nothing", settings.statistics.dark_light_count},
+                {"light_tree_nodes", store.light_table().tree.nodes.size()},
+                {"pages", store.pages().size()},
+                {"page_bytes", page_bytes},
+                {"attribute_blocks", store.attributes().size()},
+                {"attribute_bytes", attribute_bytes},
+                {"texture_bytes", cache::TextureCache::bytes_for_all(store.images(), store.face_containers())},
+                {"resolution", {settings.camera.resolution_x_px, settings.camera.resolution_y_px}},
+                {"samples_per_pixel", settings.render.samples_per_pixel},
+                {"max_depth", settings.render.max_depth}};
+  add_motion_facts(store, facts);
+  return facts;
 }
 
 Result<json> film_facts(const std::filesystem::path& path) {

@@ -15,7 +15,9 @@ int main(int argc, char** argv) {
   int exit_code = kExitOk;
   add_render_command(app, exit_code);
   add_plan_command(app, exit_code);
+  add_whatif_command(app, exit_code);
   add_pack_command(app, exit_code);
+  add_city_command(app, exit_code);
   add_info_command(app, exit_code);
   add_compare_command(app, exit_code);
   add_convert_command(app, exit_code);

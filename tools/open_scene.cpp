@@ -51,6 +51,7 @@ Result<pipeline::PackReport> pack_scene(const OpenSceneOptions& options) {
                    pipeline::bytes_text(floor));
     pack.memory_limit_bytes = options.memory_bytes - floor;
   }
+  if (options.edge_length_px > 0) pack.dice.edge_length_px = options.edge_length_px;
   SPILLWAY_ASSIGN(auto packer, pipeline::ScenePacker::create(store_directory(options), pack));
   ImportReport report;
   const Status imported = import_pbrt(options.scene, *packer, {.lenient = options.lenient}, report);

@@ -16,6 +16,7 @@ struct OpenSceneOptions {
   std::filesystem::path store_directory;  // where to pack; empty: beside the scene, extension .store,
                                           // or in the current directory when its folder takes no files
   uint64_t memory_bytes = 0;              // for packing, of the whole process; 0: two GiB beside what is loaded
+  float edge_length_px = 0;               // of diced surfaces, see DiceOptions; 0: the default
   bool lenient = false;                   // what can be ignored of the scene is a warning
   bool repack = false;                    // even when the store is current
   bool quiet = false;

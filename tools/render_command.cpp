@@ -4,6 +4,7 @@
 
 #include <csignal>
 #include <fstream>
+#include <map>
 
 #include "cache/trace_log.h"
 #include "pipeline/render/render_image.h"
@@ -28,10 +29,14 @@ struct RenderArguments {
   std::string output, frames, memory, resolution, crop, report, trace, scratch, scratch_limit, spill = "auto";
   std::string page_share, attribute_share, texture_share, hit_sort;
   uint32_t spp = 0, seed = 0, threads = 0;
-  int max_depth = -1;
+  int max_depth = -1, light_selection = -1;
   uint64_t wave_paths = 0;
   double time_limit = 0;
-  bool has_seed = false, aovs = false, halves = false, direct = false, no_sort_rays = false, json = false;
+  bool has_seed = false, independent = false, aovs = false, halves = false, direct = false, no_sort_rays = false,
+       json = false;
+  bool no_read_ahead = false, no_resident_first = false, no_top_up = false;
+  uint32_t hit_batch = 0;
+  std::string access_log;
 };
 
 Status set_bytes(const std::string& text, uint64_t& bytes) {
@@ -55,6 +60,8 @@ Status override_settings(const RenderArguments& arguments, SceneSettings& settin
   if (arguments.spp != 0) settings.render.samples_per_pixel = arguments.spp;
   if (arguments.max_depth >= 0) settings.render.max_depth = static_cast<uint32_t>(arguments.max_depth);
   if (arguments.has_seed) settings.render.seed = arguments.seed;
+  if (arguments.independent) settings.render.sampler = shading::SamplerKind::independent;
+  if (arguments.light_selection >= 0) settings.render.light_selection = static_cast<LightSelection>(arguments.light_selection);
   if (!arguments.resolution.empty()) {
     SPILLWAY_ASSIGN(const Resolution r, parse_resolution(arguments.resolution));
     set_resolution(settings, r);
@@ -83,6 +90,10 @@ Result<RenderOptions> render_options(const RenderArguments& arguments, const Sto
   options.plan.wave_paths = arguments.wave_paths;
   options.plan.spill = arguments.spill == "always" ? 1 : arguments.spill == "never" ? 0 : -1;
   options.sort_rays = !arguments.no_sort_rays;
+  options.hit_batch_rays = arguments.hit_batch;
+  options.read_ahead = !arguments.no_read_ahead;
+  options.resident_first = !arguments.no_resident_first;
+  options.top_up_waves = !arguments.no_top_up;
   options.direct_io = arguments.direct;
   options.scratch_directory = arguments.scratch;
   options.time_limit_seconds = arguments.time_limit;
@@ -170,11 +181,16 @@ Result<int> render(const RenderArguments& arguments) {
   std::signal(SIGTERM, request_stop);
   Progress progress(arguments.scene.quiet);
   options.on_progress = [&](const RenderProgress& p) { progress.show(p); };
+  AccessLog access_log;
+  if (!arguments.access_log.empty()) options.access_log = &access_log;
+  if (options.access_log && !arguments.frames.empty())
+    return error("--access-log is of one frame; leave --frames out");
   if (!arguments.frames.empty()) return render_all_frames(arguments, store, std::move(options));
   SPILLWAY_ASSIGN(const RenderedImage image, render_image(store, options));
   progress.end();
   SPILLWAY_TRY(write_picture(arguments, store, options, image, arguments.output));
   if (!arguments.trace.empty()) SPILLWAY_TRY(cache::trace_log_write(arguments.trace));
+  if (options.access_log) SPILLWAY_TRY(access_log.write(arguments.access_log));
   const std::string json = report_json(image.report, store.directory().string());
   if (!arguments.report.empty()) SPILLWAY_TRY(write_text(arguments.report, json));
   if (arguments.json) fmt::print("{}\n", json);
@@ -207,6 +223,8 @@ void add_scene_options(CLI::App& command, OpenSceneOptions& scene, std::string& 
   command.add_option("scene", scene.scene, "a .pbrt scene (packed when needed) or a .store")->required();
   command.add_option("--store", scene.store_directory, "where to pack a .pbrt scene [beside it, or here]");
   command.add_option("--memory", memory, "limit of the whole process, such as 2GiB [none]");
+  command.add_option("--edge-length-px", scene.edge_length_px, "longest edge of diced surfaces on the picture, when packing [4]")
+      ->check(CLI::PositiveNumber);
   command.add_flag("--lenient", scene.lenient, "warn about what can be ignored instead of refusing");
   command.add_flag("--repack", scene.repack, "pack even when the store is current");
   command.add_flag("-q,--quiet", scene.quiet, "errors only");
@@ -217,8 +235,15 @@ void add_meaning(CLI::App& command, RenderArguments& a) {
   command.add_option("--max-depth", a.max_depth, "bounces [the scene's]")->check(CLI::Range(0, 10000));
   command.add_option("--resolution", a.resolution, "WIDTHxHEIGHT [the scene's]");
   command.add_option("--crop", a.crop, "x0,y0,x1,y1 in pixels; the same bits as in the full frame");
+  command.add_flag("--independent", a.independent, "independent samples, to measure the usual ones by: noisier");
   command.add_option_function<uint32_t>("--seed", [&a](uint32_t seed) { a.seed = seed, a.has_seed = true; },
                                         "another set of random numbers [the scene's]");
+  static const std::map<std::string, int> kSelections = {
+      {"tree", static_cast<int>(LightSelection::tree)},
+      {"power", static_cast<int>(LightSelection::power)},
+      {"uniform", static_cast<int>(LightSelection::uniform)}};
+  command.add_option("--light-selection", a.light_selection, "how lights are chosen: noise differs [the scene's, or tree]")
+      ->transform(CLI::CheckedTransformer(kSelections));
   command.add_flag("--aov", a.aovs, "depth, normal, albedo and id layers");
 }
 
@@ -234,6 +259,10 @@ void add_performance(CLI::App& command, RenderArguments& a) {
   command.add_option("--spill", a.spill, "auto, always or never")->check(CLI::IsMember({"auto", "always", "never"}));
   command.add_flag("--direct-io", a.direct, "read pages and attributes past the page cache");
   command.add_flag("--no-sort-rays", a.no_sort_rays, "trace rays in the order they were made");
+  command.add_option("--hit-batch", a.hit_batch, "sort the hits of so many rays together [of the wave]");
+  command.add_flag("--no-read-ahead", a.no_read_ahead, "read a page when the sweep comes to it");
+  command.add_flag("--no-resident-first", a.no_resident_first, "sweep resident pages with the others");
+  command.add_flag("--no-top-up", a.no_top_up, "begin new paths when the last ones have ended");
 }
 
 }  // namespace
@@ -250,6 +279,7 @@ void add_render_command(CLI::App& app, int& exit_code) {
   add_performance(*command, a);
   command->add_option("--time-limit", a.time_limit, "seconds; stops at the next whole epoch, equal to --spp k");
   command->add_option("--report", a.report, "write what the render did as JSON");
+  command->add_option("--access-log", a.access_log, "write which pages each wave needed and read, for `whatif`");
   command->add_option("--trace", a.trace, "write stages, waves and reads in Chrome's trace format");
   command->add_flag("--json", a.json, "print the report as JSON");
   command->callback([arguments, &exit_code] { exit_code = run(*arguments); });

@@ -28,6 +28,8 @@ class EmbreeTracer final : public test::Tracer {
   }
 
   Status build(const Store& store) {
+    if (!store.motions().empty())
+      return error("{}: moves; the baseline traces still scenes only", store.directory().string());
     const size_t object_count = store.page_tree().objects.size();
     for (size_t i = 0; i < object_count; ++i) {
       objects_.push_back(rtcNewScene(device_));

@@ -27,6 +27,9 @@ struct Counter {
 std::array<Counter, kMemoryTagCount> counters;
 Counter total;
 
+constexpr size_t kLargePage = 2 << 20;
+size_t whole_system_pages(size_t size_bytes) { return (size_bytes + 4095) / 4096 * 4096; }
+
 Counter& counter(MemoryTag tag) { return counters[static_cast<size_t>(tag)]; }
 MemoryUse use(const Counter& c) { return {c.current.load(), c.peak.load()}; }
 
@@ -71,12 +74,23 @@ ResidentMemory resident_memory() {
 }
 
 void* allocate_pages(size_t size_bytes) {
-  void* pages = mmap(nullptr, size_bytes, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
-  if (pages == MAP_FAILED) {
+  // What can hold a large page of the processor begins at one: geometry is met at random, and half of the time of such a
+  // meeting is the search for the page of 4 KiB.
+  const size_t slack = size_bytes >= kLargePage ? kLargePage : 0;
+  void* mapped = mmap(nullptr, size_bytes + slack, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
+  if (mapped == MAP_FAILED) {
     fmt::print(stderr, "spillway: the system refused {} bytes of memory\n", size_bytes);
     std::abort();
   }
-  if (size_bytes >= (4u << 20)) madvise(pages, size_bytes, MADV_HUGEPAGE);
+  if (slack == 0) return mapped;
+  const size_t size = whole_system_pages(size_bytes);
+  const auto begin = reinterpret_cast<uintptr_t>(mapped);
+  const uintptr_t aligned = (begin + slack - 1) / slack * slack;
+  if (aligned > begin) munmap(mapped, aligned - begin);
+  const uintptr_t end = begin + whole_system_pages(size_bytes + slack);
+  if (end > aligned + size) munmap(reinterpret_cast<void*>(aligned + size), end - (aligned + size));
+  void* pages = reinterpret_cast<void*>(aligned);
+  madvise(pages, size, MADV_HUGEPAGE);
   return pages;
 }
 

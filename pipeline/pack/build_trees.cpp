@@ -11,6 +11,7 @@
 #include <cmath>
 #include <cstring>
 #include <memory>
+#include <numeric>
 
 #include "cache/base/check.h"
 #include "cache/base/hash.h"
@@ -84,7 +85,7 @@ RTCDevice device() {
 
 struct EmbreeTree {
   Bvh bvh;
-  const BuildItem* root = nullptr;
+  BuildItem* root = nullptr;
 };
 
 EmbreeTree build(std::vector<RTCBuildPrimitive>& prims, unsigned branching, unsigned leaf_size) {
@@ -107,7 +108,7 @@ EmbreeTree build(std::vector<RTCBuildPrimitive>& prims, unsigned branching, unsi
   arguments.setNodeBounds = set_bounds;
   arguments.createLeaf = make_leaf;
   thread_local tbb::task_arena alone(1);
-  alone.execute([&] { tree.root = static_cast<const BuildItem*>(rtcBuildBVH(&arguments)); });
+  alone.execute([&] { tree.root = static_cast<BuildItem*>(rtcBuildBVH(&arguments)); });
   return tree;
 }
 
@@ -134,11 +135,23 @@ void quantise(const BuildNode& from, TraceNode& to) {
   }
 }
 
+// Large children first: what a shadow ray meets in them is most likely to stop it, and any hit will do.
+void put_largest_first(BuildNode& node) {
+  unsigned order[kMaxBranching];
+  std::iota(order, order + node.child_count, 0u);
+  std::stable_sort(order, order + node.child_count,
+                   [&](unsigned a, unsigned b) { return node.bounds[a].half_area() > node.bounds[b].half_area(); });
+  const BuildNode unsorted = node;
+  for (unsigned c = 0; c < node.child_count; ++c)
+    node.bounds[c] = unsorted.bounds[order[c]], node.child[c] = unsorted.child[order[c]];
+}
+
 // Parents before children, in depth-first order; leaves in the order they are met. on_leaf returns a leaf reference.
 template <class OnLeaf>
-uint32_t flatten(const BuildItem* item, uint32_t node_base, std::vector<TraceNode>& nodes, const OnLeaf& on_leaf) {
+uint32_t flatten(BuildItem* item, uint32_t node_base, std::vector<TraceNode>& nodes, const OnLeaf& on_leaf) {
   if (item->child_count == 0) return on_leaf(*static_cast<const BuildLeaf*>(item));
-  const auto* from = static_cast<const BuildNode*>(item);
+  auto* const from = static_cast<BuildNode*>(item);
+  put_largest_first(*from);
   const size_t at = nodes.size();
   nodes.emplace_back();
   std::memset(static_cast<void*>(&nodes[at]), 0, sizeof(TraceNode));

@@ -8,39 +8,8 @@
 namespace spillway::pipeline {
 namespace {
 
-Status add_chunk_lights(const SpooledMesh& mesh, const MeshChunk& chunk, SpoolReader& reader,
-                        std::vector<shading::Light>& lights) {
-  SPILLWAY_ASSIGN(const cache::AttributeSegmentData data, reader.read(chunk, false));
-  for (size_t i = 0; i < data.indices.size(); i += 3) {
-    const Float3 p0 = data.positions[data.indices[i]];
-    shading::Light light{};
-    light.kind = shading::LightKind::triangle;
-    light.two_sided = mesh.emits_two_sided ? 1 : 0;
-    light.radiance = mesh.emission;
-    light.position = p0;
-    light.edge1 = data.positions[data.indices[i + 1]] - p0;
-    light.edge2 = data.positions[data.indices[i + 2]] - p0;
-    light.normal_sign = (mesh.row.flags & kMeshFlipNormals) != 0 ? -1.0f : 1.0f;
-    if (!std::isfinite(length_squared(cross(light.edge1, light.edge2))))
-      return error("{}: emits light from a triangle too large for its area to be computed; scale the scene down",
-                   mesh.name);
-    lights.push_back(light);
-  }
-  return {};
-}
-
 bool has_place(const shading::Light& light) {
   return light.kind != shading::LightKind::distant && light.kind != shading::LightKind::infinite;
-}
-
-// The power of sun and sky is what the scene's whole sphere catches, and a room sees little of it: beside lights that
-// have a place they get at most half of the samples.
-void limit_unbounded(std::span<const shading::Light> lights, std::span<double> power) {
-  double with_place = 0, without = 0;
-  for (size_t i = 0; i < lights.size(); ++i) (has_place(lights[i]) ? with_place : without) += power[i];
-  if (with_place == 0 || without <= with_place) return;
-  for (size_t i = 0; i < lights.size(); ++i)
-    if (!has_place(lights[i])) power[i] *= with_place / without;
 }
 
 float mean_luminance(std::span<const Rgb> texels) {
@@ -49,40 +18,193 @@ float mean_luminance(std::span<const Rgb> texels) {
   return texels.empty() ? 0 : static_cast<float>(sum / static_cast<double>(texels.size()));
 }
 
-Result<std::vector<float>> power_cdf(std::span<const shading::Light> lights, float mean_of_image, float scene_radius_world) {
-  std::vector<double> power;
-  for (const shading::Light& light : lights) {
-    power.push_back(shading::light_power(light, scene_radius_world, mean_of_image));
-    if (!std::isfinite(power.back()) || power.back() < 0)
-      return error("light {}: has a power of {}; scale its emission or the scene down", power.size() - 1, power.back());
+// The emitters of one object, and where they are.
+struct EmittingObject {
+  std::vector<std::pair<size_t, size_t>> ranges;  // of emitters, one a mesh
+  Bounds3 box;
+};
+
+class LightPacker {
+ public:
+  LightPacker(SpooledScene& scene, const PackLightsInput& input)
+      : scene_(scene),
+        in_(input),
+        objects_(scene.object_count),
+        mean_of_image_(mean_luminance(input.environment)),
+        radius_(scene_sphere(input.bounds_world).radius) {}
+
+  Result<PackedLights> pack() {
+    SPILLWAY_TRY(add_emitters());
+    add_lights();
+    SPILLWAY_TRY(add_powers());
+    if (has_tree()) SPILLWAY_TRY(build_trees());
+    if (has_tree() && out_.trees.nodes.empty()) drop_dark_emitters();
+    make_cdf();
+    return std::move(out_);
   }
-  limit_unbounded(lights, power);
-  std::vector<double> sum{0};
-  for (const double p : power) sum.push_back(sum.back() + p);
-  // Without any power each light is as good as the others.
-  if (sum.back() == 0)
-    for (size_t i = 0; i < sum.size(); ++i) sum[i] = static_cast<double>(i);
-  std::vector<float> cdf(sum.size(), 0);
-  for (size_t i = 1; i < sum.size(); ++i) cdf[i] = static_cast<float>(sum[i] / sum.back());
-  return cdf;
-}
+
+ private:
+  Status add_emitters() {
+    SpoolReader reader(*scene_.spool);
+    for (SpooledMesh& mesh : scene_.meshes) {
+      if (!mesh.emits) continue;
+      const size_t first = out_.emitters.size();
+      mesh.row.light_base = static_cast<uint32_t>(first);
+      out_.emissions.push_back({mesh.emission, mesh.emits_two_sided ? 1u : 0u});
+      for (const MeshChunk& chunk : mesh.chunks) SPILLWAY_TRY(add_chunk(mesh, chunk, reader));
+      objects_[mesh.row.object].ranges.emplace_back(first, out_.emitters.size());
+    }
+    return {};
+  }
+
+  Status add_chunk(const SpooledMesh& mesh, const MeshChunk& chunk, SpoolReader& reader) {
+    SPILLWAY_ASSIGN(const cache::AttributeSegmentData data, reader.read(chunk, false));
+    const bool flip = (mesh.row.flags & kMeshFlipNormals) != 0;
+    Bounds3& box = objects_[mesh.row.object].box;
+    for (size_t i = 0; i < data.indices.size(); i += 3) {
+      Float3 corner[3];
+      for (size_t k = 0; k < 3; ++k) corner[k] = data.positions[data.indices[i + k]], box.grow(corner[k]);
+      shading::Emitter emitter{{corner[0], corner[1] - corner[0], corner[2] - corner[0]},
+                               static_cast<uint32_t>(out_.emissions.size() - 1)};
+      if (!std::isfinite(length_squared(cross(emitter.shape.edge1, emitter.shape.edge2))))
+        return error("{}: emits light from a triangle too large for its area to be computed; scale the scene down",
+                     mesh.name);
+      if (flip) std::swap(emitter.shape.edge1, emitter.shape.edge2);
+      out_.emitters.push_back(emitter);
+    }
+    if (out_.emitters.size() > shading::kMaxLightIndex)
+      return error("{}: the scene has more than {} triangles that emit; make instances of them", mesh.name,
+                   shading::kMaxLightIndex);
+    return {};
+  }
+
+  void add_lights() {
+    out_.lights.assign(in_.other_lights.begin(), in_.other_lights.end());
+    std::stable_partition(out_.lights.begin(), out_.lights.end(),
+                          [](const shading::Light& light) { return light.kind != shading::LightKind::infinite; });
+    for (const shading::Light& light : out_.lights) {
+      if (has_place(light)) objects_[0].box.grow(light.position);
+    }
+  }
+
+  Status add_powers() {
+    const auto check = [](const char* what, size_t index, double power) -> Status {
+      if (std::isfinite(power) && power >= 0) return {};
+      return error("{} {}: has a power of {}; scale its emission or the scene down", what, index, power);
+    };
+    for (size_t i = 0; i < out_.emitters.size(); ++i) {
+      const shading::Emitter& emitter = out_.emitters[i];
+      emitter_power_.push_back(shading::emitter_power(emitter.shape, out_.emissions[emitter.emission]));
+      SPILLWAY_TRY(check("emitting triangle", i, emitter_power_.back()));
+      if (emitter_power_.back() == 0) ++out_.dark_count;
+    }
+    for (size_t i = 0; i < out_.lights.size(); ++i) {
+      light_power_.push_back(shading::light_power(out_.lights[i], radius_, mean_of_image_));
+      SPILLWAY_TRY(check("light", i, light_power_.back()));
+      if (light_power_.back() == 0) ++out_.dark_count;
+    }
+    return {};
+  }
+
+  [[nodiscard]] bool has_tree() const {
+    const auto with_place = static_cast<size_t>(std::count_if(out_.lights.begin(), out_.lights.end(), has_place));
+    return in_.emitting_instance_count > 0 || out_.emitters.size() + with_place > kFewLights;
+  }
+
+  // Prototypes first: the world's tree needs their bounds.
+  Status build_trees() {
+    LightTreeBuilder builder(scene_.object_count, out_.emitters.size(), in_.emitting_instance_count, in_.tree);
+    std::vector<LightTreeBuilder::Object> built(scene_.object_count);
+    for (uint32_t o = 1; o < scene_.object_count; ++o) {
+      builder.begin(o, objects_[o].box);
+      SPILLWAY_TRY(add_triangles(o, builder));
+      SPILLWAY_ASSIGN(built[o], builder.end());
+    }
+    for (size_t i = 1; i <= in_.emitting_instance_count; ++i)
+      objects_[0].box.grow(instance(built, static_cast<uint32_t>(i)).box);
+    builder.begin(0, objects_[0].box);
+    SPILLWAY_TRY(add_triangles(0, builder));
+    for (uint32_t i = 0; i < out_.lights.size(); ++i)
+      if (has_place(out_.lights[i])) SPILLWAY_TRY(builder.add(light_item(out_.lights[i], i)));
+    for (uint32_t i = 1; i <= in_.emitting_instance_count; ++i) {
+      const LightItem item = instance(built, i);
+      if (!std::isfinite(item.energy))
+        return error("instance {}: its transform makes its light too strong; scale its emission or the scene down", i);
+      SPILLWAY_TRY(builder.add(item));
+    }
+    SPILLWAY_ASSIGN(const LightTreeBuilder::Object world, builder.end());
+    tree_power_ = static_cast<double>(world.bounds.energy) * M_PI;
+    if (!std::isfinite(tree_power_)) return error("the lights of the scene are too strong together: scale them down");
+    out_.trees = builder.take();
+    return {};
+  }
+
+  Status add_triangles(uint32_t object, LightTreeBuilder& builder) const {
+    for (const auto& [first, last] : objects_[object].ranges)
+      for (size_t i = first; i < last; ++i) {
+        const shading::Emitter& emitter = out_.emitters[i];
+        SPILLWAY_TRY(
+            builder.add(emitter_item(emitter.shape, out_.emissions[emitter.emission], static_cast<uint32_t>(i))));
+      }
+    return {};
+  }
+
+  [[nodiscard]] LightItem instance(const std::vector<LightTreeBuilder::Object>& built, uint32_t i) const {
+    const cache::Instance& instance = in_.instances[i];
+    const LightTreeBuilder::Object& object = built[instance.object];
+    if (object.bounds.energy == 0) return {};
+    return instance_item(object.bounds, object.moments, instance.world_from_object, i);
+  }
+
+  // Nothing that would be in the tree shines; without it, instances have no place among the choices.
+  void drop_dark_emitters() {
+    for (SpooledMesh& mesh : scene_.meshes) mesh.row.light_base = LightId::kNone;
+    out_.emitters.clear(), out_.emissions.clear(), out_.trees = {};
+    emitter_power_.clear();
+  }
+
+  void make_cdf() {
+    const bool tree = !out_.trees.nodes.empty();
+    std::vector<double> power;
+    if (tree)
+      power.push_back(tree_power_);
+    else
+      power.assign(emitter_power_.begin(), emitter_power_.end());
+    const size_t first_light = power.size();
+    for (size_t i = 0; i < out_.lights.size(); ++i)
+      power.push_back(tree && has_place(out_.lights[i]) ? 0 : light_power_[i]);
+    limit_unbounded(std::span(power).first(first_light), std::span(power).subspan(first_light));
+    std::vector<double> sum{0};
+    for (const double p : power) sum.push_back(sum.back() + p);
+    // Without any power each light is as good as the others.
+    if (sum.back() == 0)
+      for (size_t i = 0; i < sum.size(); ++i) sum[i] = static_cast<double>(i);
+    out_.cdf.assign(sum.size(), 0);
+    for (size_t i = 1; i < sum.size(); ++i) out_.cdf[i] = static_cast<float>(sum[i] / sum.back());
+  }
+
+  void limit_unbounded(std::span<const double> emitters, std::span<double> lights) const {
+    double with_place = 0, without = 0;
+    for (const double p : emitters) with_place += p;
+    for (size_t i = 0; i < lights.size(); ++i) (has_place(out_.lights[i]) ? with_place : without) += lights[i];
+    if (with_place == 0 || without <= with_place) return;
+    for (size_t i = 0; i < lights.size(); ++i)
+      if (!has_place(out_.lights[i])) lights[i] *= with_place / without;
+  }
+
+  SpooledScene& scene_;
+  const PackLightsInput& in_;
+  std::vector<EmittingObject> objects_;
+  float mean_of_image_, radius_;
+  std::vector<float> emitter_power_, light_power_;
+  double tree_power_ = 0;
+  PackedLights out_;
+};
 
 }  // namespace
 
-Result<PackedLights> pack_lights(SpooledScene& scene, std::span<const shading::Light> other_lights,
-                                 std::span<const Rgb> environment, const Bounds3& bounds_world) {
-  PackedLights packed;
-  SpoolReader reader(*scene.spool);
-  for (SpooledMesh& mesh : scene.meshes) {
-    if (!mesh.emits) continue;
-    mesh.row.light_base = static_cast<uint32_t>(packed.lights.size());
-    for (const MeshChunk& chunk : mesh.chunks) SPILLWAY_TRY(add_chunk_lights(mesh, chunk, reader, packed.lights));
-  }
-  packed.lights.insert(packed.lights.end(), other_lights.begin(), other_lights.end());
-  std::stable_partition(packed.lights.begin(), packed.lights.end(),
-                        [](const shading::Light& light) { return light.kind != shading::LightKind::infinite; });
-  SPILLWAY_ASSIGN(packed.cdf, power_cdf(packed.lights, mean_luminance(environment), scene_sphere(bounds_world).radius));
-  return packed;
+Result<PackedLights> pack_lights(SpooledScene& scene, const PackLightsInput& input) {
+  return LightPacker(scene, input).pack();
 }
 
 }  // namespace spillway::pipeline

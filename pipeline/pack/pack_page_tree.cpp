@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "cache/base/check.h"
+#include "pipeline/pack/swept_bounds.h"
 
 namespace spillway::pipeline {
 namespace {
@@ -61,34 +62,9 @@ Bounds3 transformed_bounds(const Affine3& transform, const Bounds3& bounds) {
   return out;
 }
 
-bool invert(const Affine3& transform, Affine3& inverse) {
-  const auto m = [&](int i, int j) { return static_cast<double>(transform.m[i][j]); };
-  double cofactor[3][3];
-  for (int i = 0; i < 3; ++i)
-    for (int j = 0; j < 3; ++j) {
-      const int i1 = (i + 1) % 3, i2 = (i + 2) % 3, j1 = (j + 1) % 3, j2 = (j + 2) % 3;
-      cofactor[i][j] = m(i1, j1) * m(i2, j2) - m(i1, j2) * m(i2, j1);
-    }
-  const double determinant = m(0, 0) * cofactor[0][0] + m(0, 1) * cofactor[0][1] + m(0, 2) * cofactor[0][2];
-  if (!std::isfinite(determinant) || determinant == 0) return false;
-  bool finite = true;
-  for (int i = 0; i < 3; ++i) {
-    double translation = 0;
-    for (int j = 0; j < 3; ++j) {
-      const double value = cofactor[j][i] / determinant;
-      inverse.m[i][j] = static_cast<float>(value);
-      translation -= value * m(j, 3);
-      finite = finite && std::isfinite(inverse.m[i][j]);
-    }
-    inverse.m[i][3] = static_cast<float>(translation);
-    finite = finite && std::isfinite(inverse.m[i][3]);
-  }
-  return finite;
-}
-
 PackedPageTree pack_page_tree(std::span<const Bounds3> page_bounds, std::span<const cache::PageLocation> pages,
                               std::span<const cache::Instance> instances, uint32_t object_count,
-                              const BuildOptions& options) {
+                              const BuildOptions& options, const MovingInstances& moving) {
   SPILLWAY_CHECK(page_bounds.size(), ==, pages.size());
   std::vector<ObjectBoxes> objects(object_count);
   for (uint32_t p = 0; p < pages.size(); ++p) {
@@ -100,7 +76,10 @@ PackedPageTree pack_page_tree(std::span<const Bounds3> page_bounds, std::span<co
   for (uint32_t o = 1; o < object_count; ++o) add_object(tree, o, objects[o], options);
   for (uint32_t i = 1; i < instances.size(); ++i) {
     const Bounds3& prototype = tree.objects[instances[i].object].bounds_object;
-    objects[0].boxes.push_back(transformed_bounds(instances[i].world_from_object, prototype));
+    const uint32_t motion = instances[i].motion;
+    objects[0].boxes.push_back(motion == 0 ? transformed_bounds(instances[i].world_from_object, prototype)
+                                           : swept_bounds(moving.motions[motion - 1], moving.first_time,
+                                                          moving.last_time, prototype));
     objects[0].entries.push_back({1, i});
   }
   add_object(tree, 0, objects[0], options);

@@ -22,15 +22,20 @@ struct PackedPageTree {
   Bounds3 bounds_world;
 };
 
+// Where instances that move are, and when: bounds hold all of [first_time, last_time].
+struct MovingInstances {
+  std::span<const Motion> motions;
+  float first_time = 0, last_time = 1;
+};
+
 // page_object: ascending. Instances of objects without pages must have been left out.
 PackedPageTree pack_page_tree(std::span<const Bounds3> page_bounds, std::span<const cache::PageLocation> pages,
                               std::span<const cache::Instance> instances, uint32_t object_count,
-                              const BuildOptions& options);
+                              const BuildOptions& options, const MovingInstances& moving = {});
 
 // The bounds of what `transform` makes of everything in `bounds`, rounded outwards.
 [[nodiscard]] Bounds3 transformed_bounds(const Affine3& transform, const Bounds3& bounds);
 
-// The inverse, computed in double; nothing when it is singular or not finite in 32 bits.
-[[nodiscard]] bool invert(const Affine3& transform, Affine3& inverse);
+using spillway::invert;
 
 }  // namespace spillway::pipeline

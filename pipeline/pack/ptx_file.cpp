@@ -88,8 +88,8 @@ float number_at(FaceTexelType type, const std::byte* at) {
 
 // To the nearest, ties away from zero: half a unit more, then cut off.
 uint16_t half_from(float value) {
-  return static_cast<uint16_t>(
-      _cvtss_sh(std::bit_cast<float>(std::bit_cast<uint32_t>(value) + 0x1000), _MM_FROUND_TO_ZERO));
+  const __m128 up = _mm_set_ss(std::bit_cast<float>(std::bit_cast<uint32_t>(value) + 0x1000));
+  return static_cast<uint16_t>(_mm_cvtsi128_si32(_mm_cvtps_ph(up, _MM_FROUND_TO_ZERO)));
 }
 
 void put_number(FaceTexelType type, float value, std::byte* at) {

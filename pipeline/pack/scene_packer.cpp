@@ -4,7 +4,10 @@
 
 #include "cache/section_file.h"
 #include "pipeline/evaluate_texture.h"
+#include "pipeline/light_validation.h"
 #include "pipeline/pack/bake_micromap.h"
+#include "pipeline/pack/dice_subdivision.h"
+#include "pipeline/pack/make_motion.h"
 #include "pipeline/pack/pack_attributes.h"
 #include "pipeline/pack/pack_environment.h"
 #include "pipeline/pack/pack_image.h"
@@ -12,6 +15,7 @@
 #include "pipeline/pack/pack_page_tree.h"
 #include "pipeline/pack/pack_pages.h"
 #include "pipeline/pack/spool_mesh.h"
+#include "pipeline/shutter.h"
 #include "pipeline/source_files.h"
 #include "pipeline/store.h"
 #include "pipeline/store_validation.h"
@@ -86,6 +90,7 @@ Result<std::unique_ptr<ScenePacker>> ScenePacker::create(const fs::path& store_d
       options.max_faces_per_attribute_block > cache::kMaxFacesPerAttributeBlock)
     return error("{} faces a block of attributes; 1 to {} are possible", options.max_faces_per_attribute_block,
                  cache::kMaxFacesPerAttributeBlock);
+  SPILLWAY_TRY(check_dice_options(options.dice));
   SPILLWAY_TRY(check_directory(store_directory));
   std::unique_ptr<ScenePacker> packer(new ScenePacker());
   packer->directory_ = store_directory;
@@ -180,8 +185,6 @@ Result<MaterialId> ScenePacker::add_material(const Material& material, std::stri
 Status ScenePacker::add_light(const shading::Light& light) {
   SPILLWAY_TRY(state_);
   const std::string where = fmt::format("light {}", lights_.size());
-  if (light.kind == shading::LightKind::triangle)
-    return failed(error("{}: triangles emit as meshes, not as lights", where));
   SPILLWAY_TRY(failed(check_light(light, where)));
   if (light.has_image != 0) return failed(error("{}: an infinite light with an image is an environment", where));
   lights_.push_back(light);
@@ -214,8 +217,6 @@ Status ScenePacker::check_mesh(const MeshInput& mesh) const {
   const Rgb l = mesh.emission;
   if (mesh.emits && (!is_finite(l) || l.r < 0 || l.g < 0 || l.b < 0))
     return error("{}: emits ({}, {}, {}); emission must be finite and not negative", mesh.name, l.r, l.g, l.b);
-  if (mesh.emits && mesh.object != 0)
-    return error("{}: emits light inside an instanced object, which is not possible; put it into the world", mesh.name);
   return {};
 }
 
@@ -256,6 +257,11 @@ Status ScenePacker::check_faces(const MeshInput& mesh, const std::vector<uint32_
   return {};
 }
 
+Status ScenePacker::check_object(uint32_t object) const {
+  if (object != 0 && object < scene_.object_count) return {};
+  return error("instance {}: is of object {}, but there are 1 to {}", instances_.size(), object, scene_.object_count - 1);
+}
+
 Status ScenePacker::add_mesh(const MeshInput& given) {
   SPILLWAY_TRY(state_);
   MeshInput mesh = given;
@@ -265,27 +271,64 @@ Status ScenePacker::add_mesh(const MeshInput& given) {
   if (!face_textures.empty()) SPILLWAY_TRY(failed(check_faces(mesh, face_textures)));
   auto spooled = spool_mesh(mesh, *spool_, options_.max_faces_per_attribute_block, degenerate_count_);
   if (!spooled) return failed(spooled.error());
+  if (mesh.emits) dark_light_count_ += mesh.indices.size() / 3 - (spooled->emits ? spooled->row.face_count : 0);
   if (!spooled->chunks.empty()) scene_.meshes.push_back(std::move(*spooled));
+  return {};
+}
+
+Status ScenePacker::add_subdivision(const SubdivisionInput& subdivision) {
+  SPILLWAY_TRY(state_);
+  SPILLWAY_TRY(failed(check_mesh(subdivision.cage)));
+  if (face_textures_->size() > 0 && !face_textures_of(subdivision.cage).empty())
+    return failed(error("{}: a subdivision surface cannot have face textures yet", subdivision.cage.name));
+  auto cage = make_cage(subdivision);
+  if (!cage) return failed(cage.error());
+  cages_.push_back(std::move(*cage));
+  return {};
+}
+
+Status ScenePacker::add_placed(uint32_t object, const Affine3& world_from_object, const Motion* motion) {
+  cache::Instance instance{};
+  instance.object = object;
+  instance.world_from_object = world_from_object;
+  if (!invert(world_from_object, instance.object_from_world))
+    return failed(error("instance {} (of '{}'): its transform has no finite inverse", instances_.size(),
+                        object_names_[object - 1]));
+  if (motion != nullptr) {
+    motions_.push_back(*motion);
+    instance.motion = static_cast<uint32_t>(motions_.size());
+  }
+  instances_.push_back(instance);
   return {};
 }
 
 Status ScenePacker::add_instance(uint32_t object, const Affine3& world_from_object) {
   SPILLWAY_TRY(state_);
-  const std::string where = fmt::format("instance {}", instances_.size());
-  if (object == 0 || object >= scene_.object_count)
-    return failed(error("{}: is of object {}, but there are 1 to {}", where, object, scene_.object_count - 1));
-  cache::Instance instance{};
-  instance.object = object;
-  instance.world_from_object = world_from_object;
-  if (!invert(world_from_object, instance.object_from_world))
-    return failed(error("{} (of '{}'): its transform has no finite inverse", where, object_names_[object - 1]));
-  instances_.push_back(instance);
-  return {};
+  SPILLWAY_TRY(failed(check_object(object)));
+  return add_placed(object, world_from_object, nullptr);
+}
+
+Status ScenePacker::add_moving_instance(uint32_t object, const Affine3& start, const Affine3& end) {
+  SPILLWAY_TRY(state_);
+  SPILLWAY_TRY(failed(check_object(object)));
+  const Result<Motion> motion = make_motion(start, end);
+  if (!motion)
+    return failed(error("instance {} (of '{}'): {}", instances_.size(), object_names_[object - 1], motion.error().message));
+  return add_placed(object, start, &*motion);
 }
 
 void ScenePacker::set_settings(const SceneSettings& settings) {
   settings_ = settings;
   has_settings_ = true;
+}
+
+Status ScenePacker::set_camera_end(const Affine3& world_from_camera) {
+  SPILLWAY_TRY(state_);
+  const Result<Motion> motion = make_motion(settings_.camera.world_from_camera, world_from_camera);
+  if (!motion) return failed(error("the camera: {}", motion.error().message));
+  motions_.push_back(*motion);
+  settings_.camera.motion = static_cast<uint32_t>(motions_.size());
+  return {};
 }
 
 void ScenePacker::set_camera_path(uint32_t first_frame, std::span<const shading::Camera> cameras) {
@@ -332,11 +375,43 @@ Status ScenePacker::number_meshes() {
   return {};
 }
 
-// What stands nowhere has no box; trees have no place for it.
+// What stands nowhere has no box; trees have no place for it. Instances that emit come first, behind the world.
 void ScenePacker::keep_instances_of_triangles() {
-  std::vector<bool> has_triangles(scene_.object_count, false);
-  for (const SpooledMesh& mesh : scene_.meshes) has_triangles[mesh.row.object] = true;
+  std::vector<bool> has_triangles(scene_.object_count, false), emits(scene_.object_count, false);
+  for (const SpooledMesh& mesh : scene_.meshes) {
+    has_triangles[mesh.row.object] = true;
+    if (mesh.emits) emits[mesh.row.object] = true;
+  }
   std::erase_if(instances_, [&](const cache::Instance& i) { return i.object != 0 && !has_triangles[i.object]; });
+  const auto others = std::stable_partition(instances_.begin() + 1, instances_.end(),
+                                            [&](const cache::Instance& i) { return emits[i.object]; });
+  emitting_instance_count_ = static_cast<size_t>(others - instances_.begin()) - 1;
+  std::vector<Motion> motions;  // of those that are left, and of the camera
+  const auto keep = [&](uint32_t& motion) {
+    if (motion == 0) return;
+    motions.push_back(motions_[motion - 1]);
+    motion = static_cast<uint32_t>(motions.size());
+  };
+  keep(settings_.camera.motion);
+  for (cache::Instance& instance : instances_) keep(instance.motion);
+  motions_ = std::move(motions);
+}
+
+// Light trees know one place for each.
+Status ScenePacker::check_emitters_stand_still() const {
+  for (size_t i = 1; i <= emitting_instance_count_; ++i)
+    if (instances_[i].motion != 0)
+      return error("an instance of '{}' emits light and moves, which is not possible", object_names_[instances_[i].object - 1]);
+  return {};
+}
+
+Status ScenePacker::dice_cages() {
+  for (const FrameCamera& frame : camera_path_) options_.dice.cameras.push_back(frame.camera);
+  if (options_.dice.cameras.empty()) options_.dice.cameras = {settings_.camera};
+  const DicedScene diced{cages_, instances_, object_names_, scene_, *spool_, degenerate_count_};
+  SPILLWAY_TRY(dice_subdivision(diced, options_.dice, options_.max_faces_per_attribute_block));
+  cages_ = {};
+  return {};
 }
 
 // What the tables of the scene take while triangles are packed.
@@ -366,9 +441,11 @@ Status ScenePacker::write_store() {
   if (code) return error("{}: cannot be removed: {}", (directory_ / kManifestFile).string(), code.message());
   remove_temporaries(directory_);
 
+  SPILLWAY_TRY(dice_cages());
   SPILLWAY_TRY(spool_->seal());
   SPILLWAY_TRY(number_meshes());
   keep_instances_of_triangles();
+  SPILLWAY_TRY(check_emitters_stand_still());
   SPILLWAY_TRY(check_disk());
   SPILLWAY_TRY(write_images(packed));
   SPILLWAY_TRY(write_attributes(packed));
@@ -405,7 +482,9 @@ Status ScenePacker::write_lights(Packed& packed) {
     SPILLWAY_ASSIGN(packed.environment,
                     pack_environment(image, packed.images[image], *packed.textures, images_[image].file.string()));
   }
-  SPILLWAY_ASSIGN(packed.lights, pack_lights(scene_, lights_, packed.environment, packed.tree.bounds_world));
+  const BuildLightTreeOptions tree{.scratch = scratch_.get(), .memory_limit_bytes = options_.memory_limit_bytes / 8};
+  SPILLWAY_ASSIGN(packed.lights, pack_lights(scene_, {lights_, packed.environment, instances_, emitting_instance_count_,
+                                                      packed.tree.bounds_world, tree}));
   return {};
 }
 
@@ -414,6 +493,18 @@ Status ScenePacker::open_images(Packed& packed) const {
   const cache::TextureCache::Options options{.memory_limit_bytes = options_.memory_limit_bytes / 8};
   SPILLWAY_ASSIGN(packed.textures, cache::TextureCache::open(directory_ / kTexturesDirectory, packed.images, options));
   return {};
+}
+
+// As long as any camera may look.
+MovingInstances ScenePacker::moving_instances() const {
+  const Shutter shutter = shutter_of(settings_);
+  MovingInstances moving{motions_, shutter.earliest(), shutter.latest()};
+  for (const FrameCamera& frame : camera_path_) {
+    const Shutter other = shutter_of(frame.camera, settings_.motion);
+    moving.first_time = std::min(moving.first_time, other.earliest());
+    moving.last_time = std::max(moving.last_time, other.latest());
+  }
+  return moving;
 }
 
 Status ScenePacker::write_pages(Packed& packed) {
@@ -431,7 +522,8 @@ Status ScenePacker::write_pages(Packed& packed) {
     SPILLWAY_TRY(file.commit());
   }
   const PackStepTimer timer(report_, "page_tree");
-  packed.tree = pack_page_tree(packed.pages.bounds, packed.pages.pages, instances_, scene_.object_count, options_.tree);
+  packed.tree = pack_page_tree(packed.pages.bounds, packed.pages.pages, instances_, scene_.object_count,
+                               options_.tree, moving_instances());
   return {};
 }
 
@@ -446,6 +538,7 @@ SceneStatistics ScenePacker::statistics(const Packed& packed) const {
   statistics.triangle_count = scene_.prim_count;
   for (const cache::Instance& instance : instances_) statistics.instanced_triangle_count += triangles[instance.object];
   statistics.degenerate_dropped_count = degenerate_count_;
+  statistics.dark_light_count = dark_light_count_ + packed.lights.dark_count;
   statistics.bounds_world = packed.tree.bounds_world;
   return statistics;
 }
@@ -464,7 +557,7 @@ std::string ScenePacker::name_lines() const {
 
 Status ScenePacker::write_manifest(const Packed& packed) {
   // No padding inside, whose bytes would be anything.
-  static_assert(sizeof(SceneSettings) == 208);
+  static_assert(sizeof(SceneSettings) == 224);
   settings_.statistics = statistics(packed);
   report_.triangle_count = scene_.prim_count, report_.instance_count = instances_.size() - 1;
   report_.mesh_count = scene_.meshes.size(), report_.attribute_block_count = packed.attributes.size();
@@ -485,12 +578,19 @@ Status ScenePacker::write_manifest(const Packed& packed) {
   add(section::kFaceTextures, packed.faces.textures);
   add(section::kLights, packed.lights.lights);
   add(section::kLightCdf, packed.lights.cdf);
+  add(section::kEmitters, packed.lights.emitters);
+  add(section::kEmissions, packed.lights.emissions);
+  add(section::kLightNodes, packed.lights.trees.nodes);
+  add(section::kLightRoots, packed.lights.trees.roots);
+  add(section::kEmitterLeaves, packed.lights.trees.emitter_leaves);
+  add(section::kInstanceLeaves, packed.lights.trees.instance_leaves);
   add(section::kEnvironment, packed.environment);
   add(section::kPages, packed.pages.pages);
   add(section::kTreeNodes, packed.tree.nodes);
   add(section::kTreeEntries, packed.tree.entries);
   add(section::kTreeObjects, packed.tree.objects);
   add(section::kInstances, instances_);
+  add(section::kMotions, motions_);
   add(section::kAttributes, packed.attributes);
   add(section::kCameraPath, camera_path_);
   writer.add(section::kContent, std::as_bytes(std::span(&packed.content, 1)));

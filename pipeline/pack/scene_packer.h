@@ -3,8 +3,8 @@
 // The scene sink that writes a store.
 //
 // Owns: the store directory while it packs; scratch files; tables of what was said so far.
-// Memory: tag pack. Meshes go to scratch at once and leave a row of some hundred bytes; finish() holds as many triangles
-//         at a time as the limit allows beside those rows (40 bytes each).
+// Memory: tag pack. Meshes go to scratch at once and leave a row of some hundred bytes, cages stay; finish() holds as many
+//         triangles at a time as the limit allows beside those rows (40 bytes each).
 // Threads: one caller; finish() works on all threads of the current arena.
 // Fails: the first error is final: every later call returns it. A store that is already in the directory stays whole
 //        until finish() begins to write; from then on there is no manifest until all else is in place. What a failed
@@ -22,11 +22,14 @@
 #include "cache/file.h"
 #include "cache/trace_page.h"
 #include "pipeline/pack/build_trees.h"
+#include "pipeline/pack/dice_rates.h"
 #include "pipeline/pack/mesh_spool.h"
 #include "pipeline/pack/pack_face_textures.h"
 #include "pipeline/pack/pack_images.h"
+#include "pipeline/pack/pack_page_tree.h"
 #include "pipeline/pack/pack_report.h"
 #include "pipeline/pack/scene_sink.h"
+#include "pipeline/pack/subdivision_cage.h"
 #include "pipeline/store_validation.h"
 
 namespace spillway::pipeline {
@@ -34,6 +37,7 @@ namespace spillway::pipeline {
 struct PackOptions {
   // Meaning: goes into the manifest.
   std::vector<std::filesystem::path> source_files{};  // what the store is made from, see Store::is_current
+  DiceOptions dice{};                               // how finely cages are diced, and for which cameras
   // Performance: pages and blocks differ, pictures do not.
   uint32_t max_triangles_per_page = 65536;          // 1..65536; larger: fewer, longer reads
   BuildOptions tree{};
@@ -60,8 +64,11 @@ class ScenePacker final : public SceneSink {
   Status add_environment(const shading::Light& light, ImageId image) override;
   uint32_t begin_object(std::string name) override;
   Status add_mesh(const MeshInput& mesh) override;
+  Status add_subdivision(const SubdivisionInput& subdivision) override;
   Status add_instance(uint32_t object, const Affine3& world_from_object) override;
+  Status add_moving_instance(uint32_t object, const Affine3& start, const Affine3& end) override;
   void set_settings(const SceneSettings& settings) override;
+  Status set_camera_end(const Affine3& world_from_camera) override;
   void set_camera_path(uint32_t first_frame, std::span<const shading::Camera> cameras) override;
   Status finish() override;
 
@@ -80,9 +87,14 @@ class ScenePacker final : public SceneSink {
   Status check_mesh(const MeshInput& mesh) const;
   [[nodiscard]] std::vector<uint32_t> face_textures_of(const MeshInput& mesh) const;
   Status check_faces(const MeshInput& mesh, const std::vector<uint32_t>& face_textures) const;
+  Status check_object(uint32_t object) const;
+  Status add_placed(uint32_t object, const Affine3& world_from_object, const Motion* motion);
   Status write_store();
+  Status dice_cages();
   Status number_meshes();
   void keep_instances_of_triangles();
+  Status check_emitters_stand_still() const;
+  [[nodiscard]] MovingInstances moving_instances() const;
   [[nodiscard]] uint64_t table_bytes() const;
   Status check_disk() const;
   [[nodiscard]] double seconds_since_creation() const;
@@ -101,6 +113,7 @@ class ScenePacker final : public SceneSink {
   std::unique_ptr<cache::Scratch> scratch_;
   std::unique_ptr<MeshSpool> spool_;
   SpooledScene scene_;
+  std::vector<SubdivisionCage> cages_;
   SceneSettings settings_;
   std::vector<FrameCamera> camera_path_;
   std::vector<ImageSource> images_;
@@ -113,7 +126,9 @@ class ScenePacker final : public SceneSink {
   std::vector<shading::Light> lights_;
   ImageId environment_image_;
   std::vector<cache::Instance> instances_;
-  uint64_t degenerate_count_ = 0;
+  std::vector<Motion> motions_;
+  size_t emitting_instance_count_ = 0;
+  uint64_t degenerate_count_ = 0, dark_light_count_ = 0;
   PackReport report_;
   std::chrono::steady_clock::time_point created_ = std::chrono::steady_clock::now();
   Status state_;               // the first error

@@ -36,7 +36,7 @@ struct MeshInput {
   TextureId alpha;                       // none: opaque
   bool flip_normals = false;
   uint32_t object = 0;                   // 0: the world, else from begin_object
-  bool emits = false;                    // only in the world
+  bool emits = false;                    // in an object: at each of its instances
   Rgb emission{0, 0, 0};
   bool emits_two_sided = false;
 };
@@ -46,6 +46,40 @@ struct TexelCurve {
   cache::FaceTexEncoding kind = cache::FaceTexEncoding::linear;
   float gamma = 1;
   auto operator<=>(const TexelCurve&) const = default;
+};
+
+// ---- Catmull-Clark cages ----
+
+// What becomes of faces at the cage's boundary: have no surface; its edges are creases; and its corners are sharp, too.
+enum class BoundaryRule : uint32_t { none, edges, edges_and_corners };
+
+// Where face-varying values are interpolated linearly, from nowhere to everywhere.
+enum class UvRule : uint32_t { none, corners_only, corners_plus1, corners_plus2, boundaries, all };
+
+// 0 is smooth, 10 and more is sharp for ever; between, each level of subdivision takes one away.
+struct SharpEdge {
+  uint32_t vertices[2];
+  float sharpness;
+};
+struct SharpVertex {
+  uint32_t vertex;
+  float sharpness;
+};
+
+// A cage and its limit surface (Catmull and Clark 1978; creases: DeRose et al. 1998), which is diced at finish(), when
+// cameras and instances are known: no edge longer than PackOptions::dice says, pieces of an edge in powers of two.
+// Checked besides what MeshInput says: faces of at least three different corners, two faces at most at an edge, which
+// they pass in opposite directions, one fan of faces at a vertex, sharpness of edges that exist. Normals are the limit
+// surface's, outside where corners are seen counterclockwise; flip_normals turns them, and the side that emits.
+struct SubdivisionInput {
+  MeshInput cage;                           // indices: the corners of all faces; no normals; uvs: see uv_indices
+  std::span<const uint32_t> corner_counts;  // one a face
+  std::span<const uint32_t> uv_indices;     // of cage.uvs, one a corner; empty: uvs are one a position
+  std::span<const SharpEdge> sharp_edges;   // of an edge named twice the last counts
+  std::span<const SharpVertex> sharp_vertices;
+  std::span<const uint32_t> holes;          // faces that shape the surface and are left out
+  BoundaryRule boundary = BoundaryRule::edges_and_corners;
+  UvRule uv_rule = UvRule::corners_plus1;
 };
 
 class SceneSink {
@@ -74,15 +108,31 @@ class SceneSink {
   virtual Status add_environment(const shading::Light& light, ImageId image) = 0;
   virtual uint32_t begin_object(std::string name) = 0;        // a prototype; its meshes name it
   virtual Status add_mesh(const MeshInput& mesh) = 0;
+  virtual Status add_subdivision(const SubdivisionInput& subdivision);
   virtual Status add_instance(uint32_t object, const Affine3& world_from_object) = 0;
+  // Moves from the first place to the second: between the times of MotionSettings.
+  virtual Status add_moving_instance(uint32_t object, const Affine3& start, const Affine3& end);
   virtual void set_settings(const SceneSettings& settings) = 0;  // camera, filter, film, render
+  // The camera moves from where the settings have it to here. After set_settings.
+  virtual Status set_camera_end(const Affine3& world_from_camera);
   // One camera a frame, from `first_frame` on, of the resolution of the settings' camera: what `render --frames` follows.
-  // Without a path there is one frame, of the settings' camera; sinks that have no use for one leave it.
+  // Without a path there is one frame, of the settings' camera. A path's cameras stand still
+  // while the shutter is open; sinks that have no use for one leave it.
   virtual void set_camera_path(uint32_t first_frame, std::span<const shading::Camera> cameras);
   // Everything said: pack, and commit the store. Nothing may follow.
   virtual Status finish() = 0;
 };
 
+// Sinks that have no use for these refuse them.
+inline Status SceneSink::add_subdivision(const SubdivisionInput& subdivision) {
+  return error("{}: subdivided cages are not possible here", subdivision.cage.name);
+}
+inline Status SceneSink::add_moving_instance(uint32_t object, const Affine3& /*start*/, const Affine3& /*end*/) {
+  return error("object {}: instances that move are not possible here", object);
+}
+inline Status SceneSink::set_camera_end(const Affine3& /*world_from_camera*/) {
+  return error("a camera that moves is not possible here");
+}
 inline void SceneSink::set_camera_path(uint32_t /*first_frame*/, std::span<const shading::Camera> /*cameras*/) {}
 
 }  // namespace spillway::pipeline

@@ -19,13 +19,21 @@ uint32_t even_bits(uint32_t x) {
 
 }  // namespace
 
+RayTimes ray_times(const Store& store, const SceneSettings& settings) {
+  if (store.motions().empty()) return {};
+  const uint32_t motion = settings.camera.motion;
+  return {shutter_of(settings), motion == 0 ? nullptr : &store.motions()[motion - 1]};
+}
+
 CameraRays::CameraRays(const shading::Camera& camera, const shading::Filter& filter, PixelWindow window, uint32_t seed,
-                       shading::SamplerKind sampler)
+                       shading::SamplerKind sampler, const RayTimes& times, float exposure_scale)
     : camera_(camera),
       filter_(filter),
       window_(window),
       seed_(seed),
       sampler_(sampler),
+      times_(times),
+      exposure_scale_(exposure_scale),
       next_pixel_(window.pixel_count()) {}
 
 void CameraRays::begin(const Epoch& epoch) {
@@ -55,13 +63,17 @@ void CameraRays::camera_path(Pixel p, uint32_t sample, cache::TraceRay& ray, Pat
   const shading::FilterSample film = filter_.sample(shading::sample_2d(key, shading::kSlotFilm));
   const Float2 raster{static_cast<float>(p.x) + 0.5f + film.offset_px.x, static_cast<float>(p.y) + 0.5f + film.offset_px.y};
   const Float2 u_lens = camera_.lens_radius > 0 ? shading::sample_2d(key, shading::kSlotLens) : Float2{0.5f, 0.5f};
-  const shading::CameraRay camera = shading::camera_ray(camera_, raster, u_lens);
-  ray = {camera.origin_world, INFINITY, camera.direction_world, 0};
+  const float time = ray_time(times_.shutter, key);
+  const shading::CameraRay camera =
+      times_.camera == nullptr ? shading::camera_ray(camera_, raster, u_lens)
+                               : shading::camera_ray(camera_, transform_at(*times_.camera, time), raster, u_lens);
+  ray = {camera.origin_world, INFINITY, camera.direction_world, time};
   path = PathRecord{};
   path.sink = sink, path.sample = sample;
-  path.throughput = {film.weight, film.weight, film.weight};
+  const float weight = film.weight * exposure_scale_;
+  path.throughput = {weight, weight, weight};
   path.cone_width = camera.cone_width, path.cone_spread = camera.cone_spread;
-  path.eta_scale = 1;
+  path.eta_scale = 1 / exposure_scale_;  // roulette plays for what the path carries, however long it is exposed
   path.position_previous = camera.origin_world;
 }
 

@@ -10,6 +10,8 @@
 
 #include "pipeline/records.h"
 #include "pipeline/render/epochs.h"
+#include "pipeline/shutter.h"
+#include "pipeline/store.h"
 #include "shading/camera.h"
 #include "shading/sampler.h"
 
@@ -23,11 +25,20 @@ struct PixelWindow {
   [[nodiscard]] uint64_t pixel_count() const { return uint64_t{width()} * height(); }
 };
 
+// What moving scenes add: when rays are shot, and how the camera moves meanwhile (null: it stands still).
+struct RayTimes {
+  Shutter shutter;
+  const Motion* camera = nullptr;
+};
+// Points into the store.
+[[nodiscard]] RayTimes ray_times(const Store& store, const SceneSettings& settings);
+
 // Walks the samples of one epoch; each is handed out exactly once.
 class CameraRays {
  public:
   CameraRays(const shading::Camera& camera, const shading::Filter& filter, PixelWindow window, uint32_t seed,
-             shading::SamplerKind sampler = shading::SamplerKind::sobol);
+             shading::SamplerKind sampler = shading::SamplerKind::sobol, const RayTimes& times = {},
+             float exposure_scale = 1);
 
   void begin(const Epoch& epoch);
   [[nodiscard]] bool exhausted() const { return next_pixel_ == window_.pixel_count(); }
@@ -46,6 +57,8 @@ class CameraRays {
   PixelWindow window_;
   uint32_t seed_;
   shading::SamplerKind sampler_;
+  RayTimes times_;
+  float exposure_scale_;
   Epoch epoch_;
   uint64_t next_pixel_ = 0;   // of the window, in walking order
   uint32_t next_sample_ = 0;  // inside the epoch

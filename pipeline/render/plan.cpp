@@ -20,8 +20,9 @@ constexpr uint64_t kHitBytesPerPath = 2 * 96 + 2 * 16 + 8;  // records, keys, or
 constexpr uint64_t kColdSpillBytesPerStep = 2 * kColdBytesPerPath;
 constexpr uint64_t kHitSpillBytesPerStep = 2 * (96 + 16);
 
-// Small waves stay in the processor's caches; larger ones only pay when a sweep is to be shared.
-constexpr uint64_t kInCoreWavePaths = 32 << 10;
+// Small waves stay near the processor's caches, but each begins with geometry and textures gone from them: 64 Ki paths are 4 %
+// faster than 32 Ki, 128 Ki another 2 % for twice the memory. Larger ones only pay when a sweep is to be shared.
+constexpr uint64_t kInCoreWavePaths = 64 << 10, kSmallestWavePaths = 32 << 10;
 constexpr uint64_t kLargestWavePaths = 32ull << 20;
 // Batches of route_hits and shade_hits, thread scratch.
 constexpr uint64_t kStageBytes = 12 * kMiB;
@@ -89,7 +90,7 @@ void predict(const SceneFacts& f, const Rates& r, Plan& plan) {
   const double spill_bytes = plan.spills ? steps * (kColdSpillBytesPerStep + (hits_spill ? kHitSpillBytesPerStep : 0)) : 0;
   const double compute = steps / r.path_steps_per_second + waves * r.wave_overhead_seconds;
   const double io = (page_bytes + spill_bytes) / r.disk_bytes_per_second;
-  plan.predicted_waves = static_cast<uint64_t>(waves);
+  plan.predicted_waves = static_cast<uint64_t>(waves), plan.predicted_steps = steps;
   plan.predicted_page_bytes = static_cast<uint64_t>(page_bytes);
   plan.predicted_spill_bytes = static_cast<uint64_t>(spill_bytes);
   plan.predicted_scratch_bytes = plan.spills ? plan.wave_paths * (2 * kColdBytesPerPath + 96 + 16) : 0;
@@ -138,7 +139,8 @@ bool fits(const SceneFacts& f, const PlanOptions& o, uint64_t paths, bool spills
 
 Result<Plan> plan_render(const SceneFacts& facts, const PlanOptions& options, const Rates& rates) {
   const uint64_t budget = options.memory_bytes ? options.memory_bytes : UINT64_MAX / 2;
-  const uint64_t first = options.wave_paths ? options.wave_paths : kInCoreWavePaths;
+  const bool has_room = fits(facts, options, kInCoreWavePaths, false, budget);
+  const uint64_t first = options.wave_paths ? options.wave_paths : has_room ? kInCoreWavePaths : kSmallestWavePaths;
   const uint64_t last = options.wave_paths ? options.wave_paths : kLargestWavePaths;
   std::optional<Plan> best;
   for (uint64_t paths = first; paths <= last; paths *= 2) {

@@ -52,7 +52,7 @@ struct Plan {
   uint32_t epoch_samples = 16;     // largest epoch
   uint32_t first_epoch_samples = 1;
   uint64_t memory_bytes = 0;       // what all of it comes to, floor included
-  double predicted_seconds = 0;
+  double predicted_seconds = 0, predicted_steps = 0;  // steps: paths times their bounces
   uint64_t predicted_waves = 0, predicted_page_bytes = 0, predicted_spill_bytes = 0, predicted_scratch_bytes = 0;
 };
 

@@ -70,7 +70,7 @@ class RenderLoop {
         report_(report),
         settings_(state.options.settings),
         camera_rays_(settings_.camera, settings_.filter, pixel_window(settings_), settings_.render.seed,
-                     settings_.render.sampler),
+                     settings_.render.sampler, ray_times(state.store, settings_), settings_.film.exposure_scale),
         schedule_({settings_.render.samples_per_pixel, state.plan.epoch_samples, state.plan.first_epoch_samples}),
         hits_(stream_options(state, "hits", MemoryTag::hits, cache::IoPurpose::hits, state.plan.hit_bytes)) {}
 
@@ -82,9 +82,12 @@ class RenderLoop {
     while (true) {
       const cache::TraceSpan span("wave", "wave");
       WaveReport wave_report;
+      const double generated_before = report_.generate_seconds;
       SPILLWAY_TRY(top_up(wave, wave_report));
       if (wave.paths.hot.empty() && wave.shadows.hot.empty()) break;
+      begin_log();
       SPILLWAY_TRY(advance(wave, wave_report));
+      end_log(wave_report, report_.generate_seconds - generated_before);
       report_.waves.push_back(wave_report);
       close_epochs();
       stop_when_asked();
@@ -103,7 +106,8 @@ class RenderLoop {
   // Fills the wave with camera paths of the open epochs, opening the next one where there is none.
   Status top_up(Wave& wave, WaveReport& report) {
     const StageTimer timer("generate_rays", report_.generate_seconds);
-    while (wave.paths.hot.size() < state_.plan.wave_paths) {
+    const bool waits = !state_.options.top_up_waves && wave.paths.hot.size() + wave.shadows.hot.size() > 0;
+    while (!waits && wave.paths.hot.size() < state_.plan.wave_paths) {
       if (camera_rays_.exhausted()) {
         const std::optional<Epoch> epoch = schedule_.open_next();
         if (!epoch) break;
@@ -178,6 +182,11 @@ class RenderLoop {
     shadow_hits_.renew(MemoryTag::rays, shadow_count), shadow_hits_.set_size(shadow_count);
     TraceRaysOptions trace_options;
     trace_options.pair_limit_bytes = state_.plan.pair_bytes;
+    trace_options.resident_first = state_.options.resident_first;
+    if (AccessLog* log = state_.options.access_log) {
+      trace_options.access = &log->wave();
+      trace_options.camera_rays_from = path_count - report.generated_count;  // they were added last
+    }
     TraceRaysReport traced;
     SPILLWAY_TRY(trace_rays(state_.store.page_tree(), *state_.pages,
                             {wave.paths.hot, wave.shadows.hot, path_hits_, shadow_hits_, order_}, trace_options, traced));
@@ -192,9 +201,27 @@ class RenderLoop {
     const StageTimer timer("route_hits", report.route_seconds);
     SPILLWAY_TRY(route_hits(state_.inputs.settings, {wave.paths.hot, path_hits_, &wave.paths.cold},
                             {wave.shadows.hot, shadow_hits_, &wave.shadows.cold}, hits, *state_.film, route_scratch_,
-                            report_.route));
+                            report_.route, state_.options.hit_batch_rays));
     if (state_.plan.spills) order_ = {}, path_hits_ = {}, shadow_hits_ = {};
     return {};
+  }
+
+  void begin_log() {
+    if (AccessLog* log = state_.options.access_log) {
+      log->begin_wave();
+      shade_scratch_.touched_blocks = &log->wave().attribute_blocks;
+      page_wait_ = state_.page_parts->counters().wait_seconds;
+      attribute_wait_ = state_.attributes->parts().counters().wait_seconds;
+    }
+  }
+
+  void end_log(const WaveReport& wave, double generate_seconds) {
+    AccessLog* log = state_.options.access_log;
+    if (log == nullptr) return;
+    log->end_wave({wave.path_count, wave.shadow_count, wave.generated_count, wave.spilled_bytes, generate_seconds,
+                   wave.sort_seconds, wave.trace_seconds, wave.route_seconds, wave.shade_seconds,
+                   state_.page_parts->counters().wait_seconds - page_wait_,
+                   state_.attributes->parts().counters().wait_seconds - attribute_wait_});
   }
 
   // An epoch is over when all its camera rays were made and none of its rays is on its way.
@@ -251,6 +278,7 @@ class RenderLoop {
   cache::ExternalSort<HitRecord> hits_;
   RouteHitsScratch route_scratch_;
   ShadeHitsScratch shade_scratch_;
+  double page_wait_ = 0, attribute_wait_ = 0;  // when the wave began, for the log
   Clock::time_point start_;
 };
 
@@ -273,8 +301,14 @@ FilmIdentity film_identity(const Store& store, const SceneSettings& settings) {
   key = checksum(&settings.filter, sizeof settings.filter, key);
   key = checksum(&render, sizeof render, key);
   key = checksum(store.lights().data(), store.lights().size_bytes(), key);
+  key = checksum(store.emitters().data(), store.emitters().size_bytes(), key);
+  key = checksum(store.emissions().data(), store.emissions().size_bytes(), key);
   key = checksum(store.materials().data(), store.materials().size_bytes(), key);
   key = checksum(store.meshes().data(), store.meshes().size_bytes(), key);
+  if (!store.motions().empty()) {
+    key = checksum(&settings.motion, sizeof settings.motion, key);
+    key = checksum(store.motions().data(), store.motions().size_bytes(), key);
+  }
   return {key, fmt::format("gcc {}, glibc {}.{}", __VERSION__, __GLIBC__, __GLIBC_MINOR__)};
 }
 
@@ -338,11 +372,13 @@ Result<RenderedImage> RenderSession::render(const shading::Camera& camera) {
   if (std::exchange(state_->used, true)) memory_reset_peaks();
   state_->options.settings.camera = camera;
   RenderState& state = state_->render;
+  state.inputs.settings.shutter = ray_times(state.store, state.options.settings).shutter;
   const CountersBefore before(state);
   SPILLWAY_TRY(open_film(state));
   RenderedImage image;
   const Status rendered = RenderLoop(state, image.report).run();
   if (rendered) fill_report(state, before, image.report);
+  if (rendered && state.options.access_log) fill_log(state, image.report);
   image.film = std::move(state.film);
   SPILLWAY_TRY(rendered);
   return image;

@@ -10,6 +10,7 @@
 #include <string>
 #include <vector>
 
+#include "pipeline/render/access_log.h"
 #include "pipeline/render/film.h"
 #include "pipeline/render/generate_rays.h"
 #include "pipeline/render/plan.h"
@@ -34,6 +35,11 @@ struct RenderOptions {
   // Performance: these must not.
   PlanOptions plan;                  // budget and shares
   bool sort_rays = true;             // off: rays are traced in the order they were made (ablation)
+  uint32_t hit_batch_rays = 0;       // hits of so many rays are sorted together; 0: of the wave (ablation)
+  bool read_ahead = true;            // off: a page is read when the sweep comes to it (ablation)
+  bool resident_first = true;        // off: resident pages are swept in file order with the others (ablation)
+  bool top_up_waves = true;          // off: new paths begin when the last ones have ended (ablation)
+  AccessLog* access_log = nullptr;   // what each wave needs and reads is added here; costs a walk a ray
   uint64_t spill_block_bytes = 1 << 19;   // larger: longer requests, more buffer memory
   uint64_t hit_sort_bytes = 0;       // limit of the hit sort; 0: planned
   bool read_ahead_textures = true;   // of face textures that do not fit: a batch's tiles in the order of the file

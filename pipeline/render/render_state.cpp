@@ -1,5 +1,7 @@
 #include "pipeline/render/render_state.h"
 
+#include <algorithm>
+
 namespace spillway::pipeline {
 namespace {
 
@@ -15,10 +17,24 @@ std::vector<cache::Part> attribute_parts(const Store& store) {
   return parts;
 }
 
+// Tells the log of every visit of a sweep.
+std::function<void(uint32_t, bool)> access_log(const RenderState& state, bool of_pages) {
+  AccessLog* const log = state.options.access_log;
+  if (log == nullptr) return {};
+  return [log, of_pages](uint32_t part, bool read) {
+    if (log->waves.empty()) return;
+    WaveAccess& wave = log->wave();
+    if (of_pages) wave.swept_pages.push_back(part);
+    if (read) (of_pages ? wave.read_pages : wave.read_attribute_blocks).push_back(part);
+  };
+}
+
 cache::PartStore::Options part_options(const RenderState& state, MemoryTag tag, cache::IoPurpose purpose,
                                        uint64_t limit) {
   return {.tag = tag, .purpose = purpose, .memory_limit_bytes = limit,
-          .read_ahead_bytes = state.plan.read_ahead_bytes, .direct = state.options.direct_io};
+          .read_ahead_bytes = state.plan.read_ahead_bytes,
+          .reads_ahead = state.options.read_ahead ? UINT32_MAX : 0u, .direct = state.options.direct_io,
+          .access_log = access_log(state, tag == MemoryTag::pages)};
 }
 
 Status open_geometry(RenderState& state) {
@@ -63,9 +79,13 @@ void connect(RenderState& state) {
   const Store& store = state.store;
   const SceneSettings& settings = state.options.settings;
   ShadeInputs& in = state.inputs;
-  in.settings = {store.light_table(), settings.render.max_depth, settings.render.seed, settings.render.sampler};
+  state.lights = SelectedLights(store, settings.render.light_selection);
+  // And the shutter of the frame.
+  in.settings = {state.lights.table(), std::min(settings.render.max_depth, kMostBounces), settings.render.seed,
+                 settings.render.sampler};
   in.tables = {store.meshes(), store.materials(), state.evaluator.get()};
   in.instances = store.page_tree().instances;
+  in.motions = store.motions();
   state.resolver = std::make_unique<MaterialResolver>(in.tables, settings.render.seed);
   in.resolver = state.resolver.get();
   in.wants_aovs = state.options.aov_layers;
@@ -147,6 +167,19 @@ void fill_texture_report(const RenderState& state, const CountersBefore& before,
 }
 
 }  // namespace
+
+void fill_log(const RenderState& state, const RenderReport& report) {
+  AccessLog& log = *state.options.access_log;
+  log.facts.scene = scene_facts(state.store, state.options);
+  log.facts.scene.table_bytes -= memory_use(MemoryTag::trace_log).current_bytes;  // of the log itself
+  log.facts.wave_paths = state.plan.wave_paths;
+  log.facts.memory_bytes = state.options.plan.memory_bytes;
+  log.facts.page_bytes_read = report.pages.bytes_read, log.facts.attribute_bytes_read = report.attributes.bytes_read;
+  log.facts.seconds = report.seconds;
+  log.page_bytes.clear(), log.attribute_bytes.clear();
+  for (const cache::PageLocation& page : state.store.pages()) log.page_bytes.push_back(page.size_bytes);
+  for (const AttributeLocation& block : state.store.attributes()) log.attribute_bytes.push_back(block.size_bytes);
+}
 
 void fill_report(const RenderState& state, const CountersBefore& before, RenderReport& report) {
   report.plan = state.plan;

@@ -20,6 +20,7 @@
 #include "pipeline/render/render_report.h"
 #include "pipeline/render/resolve_material.h"
 #include "pipeline/render/shade_hits.h"
+#include "pipeline/render/select_lights.h"
 #include "pipeline/render/trace_rays.h"
 
 namespace spillway::pipeline {
@@ -37,6 +38,7 @@ struct RenderState {
   std::unique_ptr<cache::TextureCache> textures;
   std::unique_ptr<TextureEvaluator> evaluator;
   std::unique_ptr<MaterialResolver> resolver;
+  SelectedLights lights;
   std::unique_ptr<Film> film;
   ShadeInputs inputs;
 };
@@ -58,6 +60,8 @@ struct CountersBefore {
   static std::array<cache::IoUse, cache::kIoPurposeCount> io();
 };
 
+// Facts of the run, when its waves are in the log.
+void fill_log(const RenderState& state, const RenderReport& report);
 // The counters at the end of the frame.
 void fill_report(const RenderState& state, const CountersBefore& before, RenderReport& report);
 

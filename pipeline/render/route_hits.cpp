@@ -16,9 +16,9 @@ struct RoutedBlock {
   size_t first = 0;
   uint32_t hit_count = 0, splat_count = 0, occluded_count = 0, alpha_shadow_count = 0;
 
-  void emit(const HitRecord& record, RouteHitsScratch& scratch) {
+  void emit(const HitRecord& record, const cache::SortKey& key, RouteHitsScratch& scratch) {
     scratch.hits[first + hit_count] = record;
-    scratch.keys[first + hit_count++] = hit_key(record);
+    scratch.keys[first + hit_count++] = key;
   }
   void emit(const SplatRecord& splat, RouteHitsScratch& scratch) { scratch.splats[first + splat_count++] = splat; }
 };
@@ -84,14 +84,20 @@ cache::SortKey hit_key(const HitRecord& hit) {
 }
 
 Status route_hits(const PathSettings& settings, const TracedPaths& paths, const TracedShadows& shadows,
-                  cache::ExternalSort<HitRecord>& hits, Film& film, RouteHitsScratch& scratch,
-                  RouteHitsReport& report) {
+                  cache::ExternalSort<HitRecord>& hits, Film& film, RouteHitsScratch& scratch, RouteHitsReport& report,
+                  uint32_t batch_rays) {
+  // Batches follow the order of rays; inside, the triangle comes first.
+  const auto key_of = [&](const HitRecord& hit, size_t ray) {
+    if (batch_rays == 0) return hit_key(hit);
+    return cache::SortKey{uint64_t{ray / batch_rays} << 32 | hit.hit.prim, ray};
+  };
   const bool has_outside_light = shading::has_infinite_light(settings.lights);
   const auto route_path = [&](size_t i, const PathRecord& path, RoutedBlock& out) {
     const cache::TraceRay& ray = paths.rays[i];
     const cache::TraceHit& hit = paths.hits[i];
     if (hit.prim != PrimId::kNone) {
-      out.emit(HitRecord{hit, ray.direction_world, ray.t_max, path, 0}, scratch);
+      const HitRecord record{hit, ray.direction_world, ray.t_max, path, 0};
+      out.emit(record, key_of(record, i), scratch);
     } else if (has_outside_light) {
       out.emit(escaped_splat(settings, path, ray.direction_world), scratch);
     }
@@ -102,7 +108,8 @@ Status route_hits(const PathSettings& settings, const TracedPaths& paths, const 
       ++out.occluded_count;
     } else if (hit.prim != PrimId::kNone) {
       ++out.alpha_shadow_count;
-      out.emit(shadow_hit(shadows.rays[i], hit, shadow), scratch);
+      const HitRecord record = shadow_hit(shadows.rays[i], hit, shadow);
+      out.emit(record, key_of(record, paths.rays.size() + i), scratch);
     } else {
       out.emit(SplatRecord{shadow.sink, shadow.sample, shadow_event(shadow.bounce), shadow.contribution}, scratch);
     }

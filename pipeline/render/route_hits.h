@@ -49,7 +49,9 @@ struct RouteHitsScratch {
 // Hits by (prim: material-major, place on the face), then by the ray, which makes keys unique.
 [[nodiscard]] cache::SortKey hit_key(const HitRecord& hit);
 
+// batch_rays: hits of so many rays are sorted together, one batch after the other; 0: all (see RenderOptions).
 Status route_hits(const PathSettings& settings, const TracedPaths& paths, const TracedShadows& shadows,
-                  cache::ExternalSort<HitRecord>& hits, Film& film, RouteHitsScratch& scratch, RouteHitsReport& report);
+                  cache::ExternalSort<HitRecord>& hits, Film& film, RouteHitsScratch& scratch, RouteHitsReport& report,
+                  uint32_t batch_rays = 0);
 
 }  // namespace spillway::pipeline

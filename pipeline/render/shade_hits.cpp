@@ -16,8 +16,11 @@ namespace {
 constexpr size_t kBatchHits = ShadeHitsScratch::kBatchHits;
 constexpr size_t kBlockHits = ShadeHitsScratch::kBlockHits;
 
+constexpr size_t kPrefetch = 8;  // hits ahead, of vertices that lie apart
+
 // What one thread needs to shade a block.
 struct BlockScratch {
+  std::array<cache::TrianglePlace, kBlockHits> places;
   std::array<ShadingPoint, kBlockHits> points;
   std::array<FacePoint, kBlockHits> face_points;
   std::array<SurfaceQuery, kBlockHits> queries;
@@ -91,21 +94,30 @@ class Shader {
     return to.cold.append(std::span<const cache::RecordSpan>(pieces).first(blocks.size()));
   }
 
-  void gather(std::span<const HitRecord> hits, std::span<const std::byte> bytes, BlockScratch& scratch) {
+  // Where the triangles of sorted hits lie: neighbours share a segment.
+  void find_triangles(std::span<const HitRecord> hits, std::span<const std::byte> bytes, BlockScratch& scratch) const {
     uint64_t end_prim = 0;  // of the resident block in `bytes`, when there is none given
+    cache::TrianglePlace place;
     for (size_t i = 0; i < hits.size(); ++i) {
-      const HitRecord& hit = hits[i];
-      if (hit.hit.prim >= end_prim) {
-        const uint32_t block = attributes_.block_of(hit.hit.prim);
+      const uint32_t prim = hits[i].hit.prim;
+      if (prim >= end_prim) {
+        const uint32_t block = attributes_.block_of(prim);
         end_prim = attributes_.end_prim(block);
         if (const auto resident = attributes_.resident(block); !resident.empty()) bytes = resident;
       }
-      const cache::TriangleAttributes triangle = cache::triangle_attributes(bytes, PrimId{hit.hit.prim});
-      InstanceTransform transform;
-      if (hit.hit.instance != 0) {
-        const cache::Instance& instance = inputs_.instances[hit.hit.instance];
-        transform = {&instance.world_from_object, &instance.object_from_world};
-      }
+      scratch.places[i] = place = cache::triangle_place(bytes, PrimId{prim}, place);
+      cache::prefetch_indices(place);
+    }
+  }
+
+  void gather(std::span<const HitRecord> hits, std::span<const std::byte> bytes, BlockScratch& scratch) {
+    find_triangles(hits, bytes, scratch);
+    for (size_t i = 0; i < hits.size(); ++i) {
+      if (i + kPrefetch < hits.size()) cache::prefetch_vertices(scratch.places[i + kPrefetch]);
+      const HitRecord& hit = hits[i];
+      const cache::TriangleAttributes triangle = cache::triangle_attributes(scratch.places[i]);
+      Pose moved;
+      const InstanceTransform transform = instance_transform(inputs_, hit, moved);
       const uint32_t mesh = triangle.mesh.value;
       const bool flip = inputs_.tables.meshes[mesh].flags & kMeshFlipNormals;
       scratch.points[i] = shading_point(triangle, hit, transform, flip);
@@ -135,12 +147,12 @@ class Shader {
     const HitRecord& hit = *q.hit;
     if (hit.is_shadow) {
       const size_t at = out.next_shadow(hit.path.sample);
-      out_.shadow_rays[at] = ray_beyond(hit, *q.point);
+      out_.shadow_rays[at] = ray_beyond(inputs_.settings, hit, *q.point);
       out_.shadows[at] = {hit.path.sink, hit.path.sample, hit.path.bounce, hit.path.throughput};
       return;
     }
     const size_t at = out.next_path(hit.path.sample);
-    out_.path_rays[at] = ray_beyond(hit, *q.point);
+    out_.path_rays[at] = ray_beyond(inputs_.settings, hit, *q.point);
     out_.paths[at] = hit.path;
     out_.paths[at].cone_width = q.point->width_world;
   }
@@ -201,6 +213,15 @@ std::vector<uint32_t> blocks_touched(std::span<const HitRecord> hits, const Attr
 
 }  // namespace
 
+InstanceTransform instance_transform(const ShadeInputs& inputs, const HitRecord& hit, Pose& moved) {
+  const float time = ray_time(inputs.settings.shutter, sample_key(hit.path, inputs.settings.seed, inputs.settings.sampler));
+  if (hit.hit.instance == 0) return {nullptr, nullptr, time};
+  const cache::Instance& instance = inputs.instances[hit.hit.instance];
+  if (instance.motion == 0) return {&instance.world_from_object, &instance.object_from_world, time};
+  moved = pose_at(inputs.motions[instance.motion - 1], time);
+  return {&moved.transform, &moved.inverse, time};
+}
+
 AovRecord first_hit_aovs(const SurfaceQuery& q) {
   const Float3 w_prev = q.hit->direction_world * -1.0f;
   const shading::Frame frame = shading::frame_from_z(q.values.normal_shading);
@@ -219,24 +240,35 @@ Status shade_hits(const ShadeInputs& inputs, cache::ExternalSort<HitRecord>& hit
                                       next_paths, next_shadows, report));
     return {};
   };
+  // Hits of ascending triangles: their blocks follow each other in the file.
+  const auto shade_run = [&](std::span<const HitRecord> run) -> Status {
+    const bool resident = attributes.parts().all_resident();
+    const std::vector<uint32_t> blocks =
+        resident && scratch.touched_blocks == nullptr ? std::vector<uint32_t>{} : blocks_touched(run, attributes);
+    if (scratch.touched_blocks)
+      scratch.touched_blocks->insert(scratch.touched_blocks->end(), blocks.begin(), blocks.end());
+    if (resident) return shade_range(run, {});
+    report.attribute_blocks_touched += blocks.size();
+    size_t first = 0;
+    return attributes.parts().sweep(blocks, [&](uint32_t block, std::span<const std::byte> bytes) -> Status {
+      const uint64_t end = attributes.end_prim(block);
+      size_t last = first;
+      while (last < run.size() && run[last].hit.prim < end) ++last;
+      const auto range = run.subspan(first, last - first);
+      first = last;
+      return shade_range(range, bytes);
+    });
+  };
   for (size_t p = 0; p < hits.partition_count(); ++p) {
     SPILLWAY_ASSIGN(const std::span<const HitRecord> partition, hits.partition(p));
     ++report.partition_count;
-    if (attributes.parts().all_resident()) {
-      SPILLWAY_TRY(shade_range(partition, {}));
-      continue;
+    for (size_t first = 0; first < partition.size();) {
+      const auto rest = partition.subspan(first);
+      const auto end = std::is_sorted_until(
+          rest.begin(), rest.end(), [](const HitRecord& a, const HitRecord& b) { return a.hit.prim < b.hit.prim; });
+      SPILLWAY_TRY(shade_run(rest.first(static_cast<size_t>(end - rest.begin()))));
+      first += static_cast<size_t>(end - rest.begin());
     }
-    const std::vector<uint32_t> blocks = blocks_touched(partition, attributes);
-    report.attribute_blocks_touched += blocks.size();
-    size_t first = 0;
-    SPILLWAY_TRY(attributes.parts().sweep(blocks, [&](uint32_t block, std::span<const std::byte> bytes) -> Status {
-      const uint64_t end = attributes.end_prim(block);
-      size_t last = first;
-      while (last < partition.size() && partition[last].hit.prim < end) ++last;
-      const auto range = partition.subspan(first, last - first);
-      first = last;
-      return shade_range(range, bytes);
-    }));
   }
   return {};
 }

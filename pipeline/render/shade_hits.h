@@ -10,6 +10,7 @@
 
 #include <array>
 #include <cstdint>
+#include <vector>
 
 #include "cache/external_sort.h"
 #include "cache/record_stream.h"
@@ -33,6 +34,7 @@ struct ShadeInputs {
   PathSettings settings;
   MaterialTables tables;
   std::span<const cache::Instance> instances;
+  std::span<const Motion> motions;
   const MaterialResolver* resolver = nullptr;
   bool wants_aovs = false;
   bool stages_face_textures = false;  // reads their tiles ahead, a batch at a time: some are not in memory
@@ -42,6 +44,7 @@ struct ShadeInputs {
 struct ShadeHitsScratch {
   static constexpr size_t kBatchHits = 1 << 14;
   static constexpr size_t kBlockHits = 256;
+  std::vector<uint32_t>* touched_blocks = nullptr;  // attribute blocks that hits lie in are added here, for a log
   Buffer<cache::TraceRay> path_rays{MemoryTag::paths, kBatchHits};
   Buffer<PathRecord> paths{MemoryTag::paths, kBatchHits};
   Buffer<cache::TraceRay> shadow_rays{MemoryTag::paths, kBatchHits};
@@ -53,6 +56,9 @@ struct ShadeHitsReport {
   uint64_t partition_count = 0, attribute_blocks_touched = 0;
   std::array<uint64_t, 2> rays_of_half = {0, 0};  // sent on, of both kinds: what keeps an epoch open
 };
+
+// Where the instance that was hit is at the time of the path; `moved` holds the transforms of one that moves.
+[[nodiscard]] InstanceTransform instance_transform(const ShadeInputs& inputs, const HitRecord& hit, Pose& moved);
 
 // What the film's AOV layers hold of a camera ray's first surface (alpha it passes does not count).
 [[nodiscard]] AovRecord first_hit_aovs(const SurfaceQuery& q);

@@ -56,11 +56,6 @@ Corners corners_world(const cache::TriangleAttributes& triangle, const InstanceT
   return corners;
 }
 
-bool mirrors(const Affine3& a) {
-  return dot(cross({a.m[0][0], a.m[0][1], a.m[0][2]}, {a.m[1][0], a.m[1][1], a.m[1][2]}),
-             {a.m[2][0], a.m[2][1], a.m[2][2]}) < 0;
-}
-
 }  // namespace
 
 ShadingPoint shading_point(const cache::TriangleAttributes& triangle, const HitRecord& hit,
@@ -69,7 +64,7 @@ ShadingPoint shading_point(const cache::TriangleAttributes& triangle, const HitR
   ShadingPoint point;
   point.position = interpolate(corners.p, hit.hit.u, hit.hit.v);
   Float3 n = normalize(cross(corners.p[1] - corners.p[0], corners.p[2] - corners.p[0]));
-  const bool mirrored = instance.world_from_object != nullptr && mirrors(*instance.world_from_object);
+  const bool mirrored = instance.world_from_object != nullptr && shading::mirrors(*instance.world_from_object);
   if (flip_normals != mirrored) n = -n;
   point.normal_geometric = n;
   point.normal_shading = shading_normal(triangle, hit, instance, n);
@@ -81,21 +76,26 @@ ShadingPoint shading_point(const cache::TriangleAttributes& triangle, const HitR
   const float distance = hit.hit.t * length(hit.direction_world);
   point.width_world = hit.path.cone_width + hit.path.cone_spread * distance;
   point.width_uv = point.width_world * map.uv_per_world;
+  point.time = instance.time;
   return point;
 }
 
 namespace {
 
 // The part of an emitter's light that BSDF sampling is credited with.
-bool emission_splat(const PathSettings& settings, const HitRecord& hit, const ShadingPoint& point, uint32_t light,
+bool emission_splat(const PathSettings& settings, const HitRecord& hit, const ShadingPoint& point, uint32_t emitter,
                     SplatRecord& splat) {
-  const shading::Light& emitter = settings.lights.lights[light];
-  const Rgb radiance = shading::triangle_radiance(emitter, hit.direction_world);
+  const shading::LightTable& lights = settings.lights;
+  const uint32_t instance = hit.hit.instance;
+  const shading::TriangleShape shape = shading::emitter_in_world(lights, instance, emitter);
+  const shading::Emission& emission = lights.emissions[lights.emitters[emitter].emission];
+  const Rgb radiance = shading::emitter_radiance(shape, emission, hit.direction_world);
   if (is_black(radiance)) return false;
   float weight = 1;
   if (hit.path.pdf_previous > 0) {
+    const shading::LightReceiver receiver{hit.path.position_previous, hit.path.normal_previous};
     const float pdf_light =
-        shading::triangle_pdf_solid_angle(settings.lights, light, hit.path.position_previous, point.position);
+        shading::emitter_pdf_solid_angle(lights, receiver, instance, emitter, shape, point.position);
     weight = shading::power_heuristic(hit.path.pdf_previous, pdf_light);
   }
   splat = {hit.path.sink, hit.path.sample, emission_event(hit.path.bounce), hit.path.throughput * radiance * weight};
@@ -103,22 +103,31 @@ bool emission_splat(const PathSettings& settings, const HitRecord& hit, const Sh
 }
 
 // A ray from the point to where the light was sampled, short of the light itself.
-cache::TraceRay shadow_ray(const ShadingPoint& point, const shading::LightSample& sample) {
-  const Float3 origin = shading::ray_origin(point.position, point.normal_geometric, sample.w_next_world);
-  if (!std::isfinite(sample.distance)) return {origin, INFINITY, sample.w_next_world, 0};
+cache::TraceRay shadow_ray(const PathSettings& settings, const ShadingPoint& point,
+                           const shading::LightSample& sample) {
+  const Float3 origin = shading::ray_origin(point.position, point.normal_geometric, sample.w_next_world,
+                                            settings.lights.scene_radius_world);
+  if (!std::isfinite(sample.distance)) return {origin, INFINITY, sample.w_next_world, point.time};
   const Float3 to_light = sample.point_world - origin;
   // The light's own surface lies at 1, give or take the rounding of coordinates of this size.
   const float margin = 64 * 0x1p-24f * (1 + max_abs(sample.point_world) / sample.distance);
-  return {origin, 1 - margin, to_light, 0};
+  return {origin, 1 - margin, to_light, point.time};
+}
+
+// Who receives light here, as a tree sees it: a normal on the side that the path came from, where light of the other
+// side is lost. Scenes without a tree do not ask.
+shading::LightReceiver light_receiver(const PathSettings& settings, const ShadingPoint& point, const SurfaceValues& surface,
+                                      const shading::Frame& frame, Float3 w_prev_local) {
+  if (settings.lights.tree.empty() || shading::transmits(surface.bsdf)) return {point.position, 0};
+  return {point.position, shading::pack_receiver_normal(w_prev_local.z < 0 ? -frame.z : frame.z)};
 }
 
 void next_event(const PathSettings& settings, const HitRecord& hit, const ShadingPoint& point,
-                const SurfaceValues& surface, const shading::Frame& frame, Float3 w_prev_local, ShadedVertex& out) {
-  if (settings.lights.lights.empty() || !shading::has_continuous_lobe(surface.bsdf)) return;
-  const shading::SampleKey key = sample_key(hit.path, settings.seed, settings.sampler);
-  const Float2 u = shading::sample_2d(key, shading::bounce_slot(hit.path.bounce, shading::kBounceLight));
-  const Float2 select = shading::sample_2d(key, shading::bounce_slot(hit.path.bounce, shading::kBounceLightSelect));
-  const shading::LightSample light = shading::sample_light(settings.lights, point.position, select.x, u);
+                const SurfaceValues& surface, const shading::LightReceiver& receiver, const shading::Frame& frame,
+                Float3 w_prev_local, const shading::BouncePoints& points, ShadedVertex& out) {
+  if (settings.lights.empty() || !shading::has_continuous_lobe(surface.bsdf)) return;
+  const shading::LightSample light = shading::sample_light(
+      settings.lights, receiver, points[shading::kBounceLightSelect], points[shading::kBounceLight]);
   if (!(light.pdf_solid_angle > 0) || is_black(light.radiance)) return;
   const shading::BsdfValue f =
       shading::evaluate_bsdf(surface.bsdf, w_prev_local, frame.local_from_world(light.w_next_world));
@@ -126,7 +135,7 @@ void next_event(const PathSettings& settings, const HitRecord& hit, const Shadin
   const float weight = light.is_delta ? 1 : shading::power_heuristic(light.pdf_solid_angle, f.pdf_solid_angle);
   const Rgb contribution = hit.path.throughput * f.f_cos * light.radiance * (weight / light.pdf_solid_angle);
   if (is_black(contribution)) return;
-  out.shadow_ray = shadow_ray(point, light);
+  out.shadow_ray = shadow_ray(settings, point, light);
   if (!(out.shadow_ray.t_max > 0)) return;
   out.shadow = {hit.path.sink, hit.path.sample, hit.path.bounce, contribution};
   out.has_shadow = true;
@@ -145,12 +154,11 @@ bool survives_roulette(PathRecord& path, float u) {
 }
 
 void next_direction(const PathSettings& settings, const HitRecord& hit, const ShadingPoint& point,
-                    const SurfaceValues& surface, const shading::Frame& frame, Float3 w_prev_local, ShadedVertex& out) {
-  const shading::SampleKey key = sample_key(hit.path, settings.seed, settings.sampler);
-  const Float2 u = shading::sample_2d(key, shading::bounce_slot(hit.path.bounce, shading::kBounceBsdf));
-  const Float2 choose =
-      shading::sample_2d(key, shading::bounce_slot(hit.path.bounce, shading::kBounceLobeAndRoulette));
-  const shading::BsdfSample sample = shading::sample_bsdf(surface.bsdf, w_prev_local, u, choose.x);
+                    const SurfaceValues& surface, const shading::LightReceiver& receiver, const shading::Frame& frame,
+                    Float3 w_prev_local, const shading::BouncePoints& points, ShadedVertex& out) {
+  const Float2 choose = points[shading::kBounceLobeAndRoulette];
+  const shading::BsdfSample sample =
+      shading::sample_bsdf(surface.bsdf, w_prev_local, points[shading::kBounceBsdf], choose.x);
   if (is_black(sample.weight)) return;
   PathRecord path = hit.path;
   path.bounce += 1;
@@ -158,12 +166,14 @@ void next_direction(const PathSettings& settings, const HitRecord& hit, const Sh
   path.eta_scale *= sample.eta_scale;
   if (!survives_roulette(path, choose.y)) return;
   path.pdf_previous = sample.is_delta ? 0 : sample.pdf_solid_angle;
-  path.position_previous = point.position;
+  path.position_previous = receiver.position_world, path.normal_previous = receiver.packed_normal;
   path.cone_width = point.width_world;
   // A broad lobe spreads the cone: half the angle whose solid angle is 1/pdf (Akenine-Moeller et al. 2021, section 4).
   if (!sample.is_delta) path.cone_spread = std::max(path.cone_spread, 0.5f / std::sqrt(std::max(1.0f, sample.pdf_solid_angle)));
   const Float3 w_next = frame.world_from_local(sample.w_next_local);
-  out.path_ray = {shading::ray_origin(point.position, point.normal_geometric, w_next), INFINITY, w_next, 0};
+  const Float3 origin =
+      shading::ray_origin(point.position, point.normal_geometric, w_next, settings.lights.scene_radius_world);
+  out.path_ray = {origin, INFINITY, w_next, point.time};
   out.path = path;
   out.has_path = true;
 }
@@ -178,8 +188,11 @@ ShadedVertex shade_vertex(const PathSettings& settings, const HitRecord& hit, co
   const shading::Frame frame = shading::frame_from_z_and_tangent(surface.normal_shading, point.dpdu);
   const Float3 w_prev_local = frame.local_from_world(-hit.direction_world);
   if (w_prev_local.z == 0) return out;
-  next_event(settings, hit, point, surface, frame, w_prev_local, out);
-  next_direction(settings, hit, point, surface, frame, w_prev_local, out);
+  const shading::LightReceiver receiver = light_receiver(settings, point, surface, frame, w_prev_local);
+  const shading::BouncePoints points =
+      shading::sample_bounce(sample_key(hit.path, settings.seed, settings.sampler), hit.path.bounce);
+  next_event(settings, hit, point, surface, receiver, frame, w_prev_local, points, out);
+  next_direction(settings, hit, point, surface, receiver, frame, w_prev_local, points, out);
   return out;
 }
 
@@ -200,9 +213,10 @@ bool stopped_by_alpha(const HitRecord& hit, uint32_t seed, float alpha) {
                             hit.hit.prim, event) < alpha;
 }
 
-cache::TraceRay ray_beyond(const HitRecord& hit, const ShadingPoint& point) {
-  const Float3 origin = shading::ray_origin(point.position, point.normal_geometric, hit.direction_world);
-  return {origin, hit.t_max - hit.hit.t, hit.direction_world, 0};
+cache::TraceRay ray_beyond(const PathSettings& settings, const HitRecord& hit, const ShadingPoint& point) {
+  const Float3 origin = shading::ray_origin(point.position, point.normal_geometric, hit.direction_world,
+                                            settings.lights.scene_radius_world);
+  return {origin, hit.t_max - hit.hit.t, hit.direction_world, point.time};
 }
 
 }  // namespace spillway::pipeline

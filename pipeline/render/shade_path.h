@@ -8,6 +8,7 @@
 #include "cache/attribute_block.h"
 #include "pipeline/records.h"
 #include "pipeline/scene.h"
+#include "pipeline/shutter.h"
 #include "shading/bsdf.h"
 #include "shading/frame.h"
 #include "shading/light.h"
@@ -33,13 +34,15 @@ struct ShadingPoint {
   Float2 uv;
   float width_world;        // footprint of the path's cone on a surface that faces it
   float width_uv;           // the same in uv units
+  float time;               // of the path: the rays that leave keep it
   const FacePoint* face = nullptr;  // of a mesh with face textures
 };
 
-// Transforms of the instance that was hit; null: the world itself.
+// Transforms of the instance that was hit, at the time of the path; null: the world itself.
 struct InstanceTransform {
   const Affine3* world_from_object = nullptr;
   const Affine3* object_from_world = nullptr;
+  float time = 0;
 };
 
 [[nodiscard]] ShadingPoint shading_point(const cache::TriangleAttributes& triangle, const HitRecord& hit,
@@ -55,13 +58,14 @@ struct PathSettings {
   uint32_t max_depth = 5;
   uint32_t seed = 0;
   shading::SamplerKind sampler = shading::SamplerKind::sobol;
+  Shutter shutter = {};
 };
 
 // Numbers that a vertex still needs from the scene's tables and textures.
 struct SurfaceValues {
   shading::BsdfParams bsdf;
   Float3 normal_shading;                // bumped
-  uint32_t light = LightId::kNone;      // of the face, when it emits
+  uint32_t light = LightId::kNone;      // emitter of the face, when it emits
 };
 
 struct ShadedVertex {
@@ -88,7 +92,7 @@ struct ShadedVertex {
 [[nodiscard]] bool stopped_by_alpha(const HitRecord& hit, uint32_t seed, float alpha);
 
 // The same ray, going on behind the point it was let through.
-[[nodiscard]] cache::TraceRay ray_beyond(const HitRecord& hit, const ShadingPoint& point);
+[[nodiscard]] cache::TraceRay ray_beyond(const PathSettings& settings, const HitRecord& hit, const ShadingPoint& point);
 
 [[nodiscard]] inline shading::SampleKey sample_key(const PathRecord& path, uint32_t seed,
                                                    shading::SamplerKind sampler = shading::SamplerKind::sobol) {

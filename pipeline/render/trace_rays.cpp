@@ -89,11 +89,14 @@ class Tracer {
       : tree_(tree), pages_(pages), batch_(batch), report_(report),
         page_count_(static_cast<uint32_t>(pages.pages().size())),
         block_((std::max<size_t>(options.block_rays, 1) + kWordRays - 1) / kWordRays * kWordRays),
-        pair_capacity_(std::min<uint64_t>(options.pair_limit_bytes / sizeof(Pair), UINT32_MAX)) {}
+        pair_capacity_(std::min<uint64_t>(options.pair_limit_bytes / sizeof(Pair), UINT32_MAX)),
+        none_(MemoryTag::rays, options.resident_first && options.access == nullptr ? 0 : page_count_),
+        resident_first_(options.resident_first) {}
 
   void trace_all_resident();
   bool trace_resident_first();
   void note_pages_used();
+  void log_needed(size_t camera_rays_from, WaveAccess& access) const;
   Status sweep();
   [[nodiscard]] TraceCounters work() const { return {work_.nodes, work_.leaves, work_.pages}; }
 
@@ -108,7 +111,11 @@ class Tracer {
   // The pages in [first, last) that the ray must still visit.
   std::span<const PageVisit> pages_ahead(uint32_t ray, uint32_t first, uint32_t last, VisitList& visits) const {
     const TraceMode mode = is_path(ray) ? TraceMode::nearest : TraceMode::occlusion;
-    return visits.met(tree_, pages_.resident(), first, last, mode, ray_at(ray), hit_at(ray));
+    return visits.met(tree_, known(), first, last, mode, ray_at(ray), hit_at(ray));
+  }
+  // The pages that are traced before the sweep.
+  [[nodiscard]] cache::ResidentPages known() const {
+    return resident_first_ ? pages_.resident() : cache::ResidentPages{none_.data()};
   }
   void prefetch(uint32_t ray) const {
     __builtin_prefetch(&ray_at(ray));
@@ -139,6 +146,8 @@ class Tracer {
   const uint32_t page_count_;
   const size_t block_;
   const uint64_t pair_capacity_;
+  const Buffer<TracePageView> none_;  // with nothing resident, all pages are met
+  const bool resident_first_;
 
   WorkSum work_;
   Buffer<uint64_t> waiting_;  // a bit for each place in the order: the ray met pages that are not in memory
@@ -157,7 +166,7 @@ std::span<const PageVisit> Tracer::trace_first(uint32_t ray, VisitList& visits, 
   const TraceRay& r = ray_at(ray);
   TraceHit hit = cache::no_hit(r);
   const TraceMode mode = is_path(ray) ? TraceMode::nearest : TraceMode::occlusion;
-  const std::span<const PageVisit> due = visits.trace(tree_, pages_.resident(), mode, r, hit, work);
+  const std::span<const PageVisit> due = visits.trace(tree_, known(), mode, r, hit, work);
   hit_at(ray) = (hit.flags & cache::kHitOccluded) != 0 ? kOccluded : hit;
   return due;
 }
@@ -215,6 +224,31 @@ void Tracer::note_pages_used() {
   for (uint32_t page = 0; page < page_count_; ++page)
     if (used[page].load(std::memory_order_relaxed) != 0 && pages_.resident().view(page).header != nullptr)
       pages_.pages().note_use(page);
+}
+
+// By the final hits, as if nothing were in memory: the least that any run must look at. (What an occluded shadow ray
+// needs depends on what is looked at first; it is left out.)
+void Tracer::log_needed(size_t camera_rays_from, WaveAccess& access) const {
+  enum : uint8_t { camera = 1, continued = 2, shadow = 4, sampled = 8 };
+  std::vector<std::atomic<uint8_t>> needed(page_count_);
+  parallel_blocks(batch_.order.size(), block_, [&](size_t, size_t first, size_t last) {
+    VisitList visits;
+    for (size_t i = first; i < last; ++i) {
+      const uint32_t ray = batch_.order[i];
+      const TraceMode mode = is_path(ray) ? TraceMode::nearest : TraceMode::occlusion;
+      const uint8_t kind = static_cast<uint8_t>((!is_path(ray) ? shadow : ray >= camera_rays_from ? camera : continued) |
+                                                (i % kUseSample == 0 ? sampled : 0));
+      for (const PageVisit& visit : visits.met(tree_, {none_.data()}, 0, page_count_, mode, ray_at(ray), hit_at(ray)))
+        if ((needed[visit.page].load(std::memory_order_relaxed) & kind) != kind) needed[visit.page].fetch_or(kind);
+    }
+  });
+  for (uint32_t page = 0; page < page_count_; ++page) {
+    const uint8_t kinds = needed[page].load(std::memory_order_relaxed);
+    if (kinds & camera) access.camera_pages.push_back(page);
+    if (kinds & continued) access.continued_pages.push_back(page);
+    if (kinds & shadow) access.shadow_pages.push_back(page);
+    if (kinds & sampled) access.sampled_pages.push_back(page);
+  }
 }
 
 // ---- the sweep: which rays wait for which pages ----
@@ -419,13 +453,14 @@ Status trace_rays(const cache::PageTree& tree, PageViews& pages, const TraceBatc
   if (batch.order.empty()) return {};
   Tracer tracer(tree, pages, batch, options, report);
   Status status;
-  if (pages.pages().all_resident()) {
+  if (options.resident_first && pages.pages().all_resident()) {
     tracer.trace_all_resident();
   } else {
     const bool more = tracer.trace_resident_first();
     if (!pages.pages().fits()) tracer.note_pages_used();
     if (more) status = tracer.sweep();
   }
+  if (options.access != nullptr && status) tracer.log_needed(options.camera_rays_from, *options.access);
   report.work = tracer.work();
   return status;
 }

@@ -18,12 +18,17 @@
 #include "cache/part_store.h"
 #include "cache/ray.h"
 #include "cache/trace_kernel.h"
+#include "pipeline/render/access_log.h"
 
 namespace spillway::pipeline {
 
 struct TraceRaysOptions {
   uint64_t pair_limit_bytes = 64 << 20;  // 8 bytes a pair; larger: fewer windows, fewer passes through the page tree
   uint32_t block_rays = 512;             // rays or pairs a task
+  bool resident_first = true;            // off: all pages are swept in file order (ablation)
+  // What the rays need is logged here: of every ray, by another walk through the page tree.
+  WaveAccess* access = nullptr;
+  size_t camera_rays_from = SIZE_MAX;    // path rays from here on come from the camera (for the log)
 };
 
 struct TraceRaysReport {

@@ -34,6 +34,7 @@ class FuzzFolder {
     write("part.pbrt", "Shape \"disk\" \"float phimax\" 1\n");
     write("again.pbrt", "Include \"again.pbrt\"\n");
     write("twice.pbrt", "Include \"part.pbrt\" Include \"part.pbrt\"\n");
+    write("lamp.spd", "# nm, W\n400 1\n700 2\n");
     write("mesh.ply",
           "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
           "element face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n");
@@ -69,6 +70,7 @@ class FuzzSink : public RecordingSink {
     expect_finite("a texture", node.value);
     expect_finite("a texture", node.uv_scale);
     expect_finite("a texture", node.uv_offset);
+    expect_finite("a texture", {&node.texture_from_world.m[0][0], 12});
     return RecordingSink::add_texture(node);
   }
   Result<MaterialId> add_material(const pipeline::Material& m, std::string name) override {
@@ -137,7 +139,6 @@ inline std::string fault_of_pbrt(std::string_view bytes) {
   ImportOptions options;
   options.lenient = text.starts_with("#lenient");
   options.most_diced_bytes = 4 << 20;
-  options.most_instanced_emitters = 100000;
   const Status status = import_pbrt(scene, sink, options, report);
   if (!sink.contract.empty()) return sink.contract;
   if (!status && !names_its_place(status.error().message, fuzz_folder().path().string()))

@@ -93,7 +93,7 @@ inline shading::Light light_of(shading::LightKind kind) {
   light.radiance = {1, 2, 3};
   light.position = {0, 0, 5};
   light.edge1 = {0, 0, 1};
-  light.cos_total = 0.5f, light.cos_falloff = 0.75f, light.normal_sign = 1;
+  light.cos_total = 0.5f, light.cos_falloff = 0.75f;
   return light;
 }
 

@@ -89,6 +89,30 @@ TEST_F(SameBits, the_streamed_image_is_that_of_the_depth_first_reference) {
   EXPECT_EQ((*film)->hash(), hash_);
 }
 
+TEST_F(SameBits, for_any_way_of_choosing_lights_with_and_without_a_tree) {
+  SmallSceneOptions few;
+  few.has_lamps = false;
+  const auto without = pack_small_scene(directory_->path(), "few", few);
+  ASSERT_TRUE(without) << without.error().message;
+  EXPECT_TRUE(without->light_table().tree.empty());
+  EXPECT_FALSE(store_->light_table().tree.empty());
+  std::map<std::string, int> hashes;
+  for (const Store* store : {static_cast<const Store*>(store_.get()), &*without})
+    for (const LightSelection selection : {LightSelection::tree, LightSelection::power, LightSelection::uniform}) {
+      RenderOptions o = options();
+      o.settings.render.light_selection = selection;
+      o.plan.wave_paths = 1000;
+      const RenderedImage image = render(o, 2, *store);
+      const auto tracer = kernel_tracer(*store);
+      ASSERT_TRUE(tracer) << tracer.error().message;
+      const auto film = render_reference(*store, **tracer, {o.settings, false});
+      ASSERT_TRUE(film) << film.error().message;
+      EXPECT_EQ((*film)->hash(), image.report.image_hash);
+      ++hashes[image.report.image_hash];
+    }
+  EXPECT_EQ(hashes.size(), 5u);  // without a tree, `tree` is by power
+}
+
 TEST_F(SameBits, layers_are_those_of_the_reference_too) {
   RenderOptions o = options();
   o.aov_layers = true;
@@ -135,6 +159,79 @@ TEST_F(SameBits, when_rays_are_not_sorted) {
   RenderOptions o = options();
   o.sort_rays = false;
   EXPECT_EQ(render(o, 2).report.image_hash, hash_);
+}
+
+TEST_F(SameBits, when_few_hits_are_sorted_together) {
+  RenderOptions o = options();
+  o.plan.attribute_bytes = attribute_bytes() / 4;
+  const uint64_t sorted = render(o, 2).report.shade.attribute_blocks_touched;
+  o.hit_batch_rays = 500;
+  const RenderedImage image = render(o, 2);
+  EXPECT_EQ(image.report.image_hash, hash_);
+  EXPECT_GT(image.report.shade.attribute_blocks_touched, 2 * sorted);  // each batch asks for its blocks
+  o.plan.attribute_bytes = 0;
+  EXPECT_EQ(render(o, 2).report.image_hash, hash_);
+}
+
+TEST_F(SameBits, without_reading_ahead) {
+  RenderOptions o = options();
+  o.read_ahead = false;
+  o.plan.page_bytes = trace_bytes() / 4, o.plan.attribute_bytes = attribute_bytes() / 4;
+  const RenderedImage image = render(o, 2);
+  EXPECT_EQ(image.report.image_hash, hash_);
+  EXPECT_GT(image.report.pages.parts_read_again, 0u);
+  EXPECT_GT(image.report.pages.wait_seconds, 0);
+}
+
+TEST_F(SameBits, when_resident_pages_are_swept_with_the_others) {
+  RenderOptions o = options();
+  o.plan.page_bytes = trace_bytes() / 2;
+  const uint64_t pairs = render(o, 2).report.trace.pair_count;
+  o.resident_first = false;
+  const RenderedImage limited = render(o, 2);
+  EXPECT_EQ(limited.report.image_hash, hash_);
+  EXPECT_GT(limited.report.trace.pair_count, pairs);
+  o.plan.page_bytes = 0;
+  const RenderedImage whole = render(o, 2);
+  EXPECT_EQ(whole.report.image_hash, hash_);
+  EXPECT_GT(whole.report.trace.pair_count, whole.report.trace.ray_count / 2);
+}
+
+TEST_F(SameBits, when_waves_are_not_topped_up) {
+  RenderOptions o = options();
+  o.plan.wave_paths = 2000;
+  const size_t waves = render(o, 2).report.waves.size();
+  o.top_up_waves = false;
+  const RenderedImage image = render(o, 2);
+  EXPECT_EQ(image.report.image_hash, hash_);
+  EXPECT_GT(image.report.waves.size(), waves);
+}
+
+TEST_F(SameBits, while_an_access_log_is_written) {
+  RenderOptions o = options();
+  o.plan.wave_paths = 1500;
+  AccessLog whole, limited;
+  o.access_log = &whole;
+  EXPECT_EQ(render(o, 2).report.image_hash, hash_);
+  o.access_log = &limited;
+  o.plan.page_bytes = trace_bytes() / 4, o.plan.attribute_bytes = attribute_bytes() / 4;
+  const RenderedImage image = render(o, 2);
+  EXPECT_EQ(image.report.image_hash, hash_);
+  // What is needed is the rays' affair: the same for any budget. What is read is what the counters say.
+  ASSERT_EQ(whole.waves.size(), limited.waves.size());
+  uint64_t pages_read = 0, blocks_read = 0;
+  for (size_t w = 0; w < whole.waves.size(); ++w) {
+    const WaveAccess &a = whole.waves[w], &b = limited.waves[w];
+    EXPECT_TRUE(a.camera_pages == b.camera_pages && a.continued_pages == b.continued_pages &&
+                a.shadow_pages == b.shadow_pages && a.sampled_pages == b.sampled_pages &&
+                a.attribute_blocks == b.attribute_blocks)
+        << w;
+    for (const uint32_t page : b.read_pages) pages_read += limited.page_bytes[page];
+    for (const uint32_t block : b.read_attribute_blocks) blocks_read += limited.attribute_bytes[block];
+  }
+  EXPECT_EQ(pages_read, image.report.pages.bytes_read);
+  EXPECT_EQ(blocks_read, image.report.attributes.bytes_read);
+  EXPECT_GT(image.report.pages.parts_read_again, 0u);
 }
 
 TEST_F(SameBits, for_fractions_of_the_pages) {

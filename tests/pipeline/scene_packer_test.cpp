@@ -124,28 +124,35 @@ TEST_F(ScenePackerTest, lights_are_faces_in_order_then_others_then_infinite_ones
   pack("a.store");
   const Store store = open("a.store");
   const shading::LightTable table = store.light_table();
-  ASSERT_EQ(table.lights.size(), 4u);
+  ASSERT_EQ(table.emitters.size(), 2u);
+  ASSERT_EQ(table.lights.size(), 2u);
+  EXPECT_TRUE(table.tree.empty());  // so few are chosen by power
+  EXPECT_EQ(store.settings().statistics.dark_light_count, 2u);  // the lamp's faces without area
   EXPECT_EQ(store.meshes()[1].light_base, 0u);
   EXPECT_EQ(store.meshes()[0].light_base, LightId::kNone);
   const auto lamp = MixedScene{}.expected()["lamp"];
   for (int i = 0; i < 2; ++i) {
-    EXPECT_EQ(table.lights[i].kind, shading::LightKind::triangle);
-    EXPECT_TRUE(table.lights[i].position == lamp[i].vertex[0]);
-    EXPECT_TRUE(table.lights[i].edge1 == lamp[i].vertex[1] - lamp[i].vertex[0]);
-    EXPECT_EQ(table.lights[i].normal_sign, -1);
-    EXPECT_EQ(table.lights[i].two_sided, 0u);
-    EXPECT_EQ(table.lights[i].radiance.g, 5);
+    const shading::TriangleShape& shape = table.emitters[i].shape;
+    EXPECT_TRUE(shape.position == lamp[i].vertex[0]);
+    // Turned over: it emits against its winding.
+    EXPECT_TRUE(shape.edge2 == lamp[i].vertex[1] - lamp[i].vertex[0]);
+    EXPECT_TRUE(shape.edge1 == lamp[i].vertex[2] - lamp[i].vertex[0]);
+    EXPECT_EQ(table.emissions[table.emitters[i].emission].two_sided, 0u);
+    EXPECT_EQ(table.emissions[table.emitters[i].emission].radiance.g, 5);
   }
-  EXPECT_EQ(table.lights[2].kind, shading::LightKind::point);
-  EXPECT_EQ(table.lights[3].kind, shading::LightKind::infinite);  // last, though it was said before the point
-  EXPECT_EQ(table.first_infinite, 3u);
+  EXPECT_EQ(table.lights[0].kind, shading::LightKind::point);
+  EXPECT_EQ(table.lights[1].kind, shading::LightKind::infinite);  // last, though it was said before the point
+  EXPECT_EQ(table.first_infinite, 1u);
   // In proportion to power; but the sky, far above the others here, gets no more than all of them.
-  double with_place = 0;
-  for (size_t i = 0; i < 3; ++i) with_place += shading::light_power(table.lights[i], table.scene_radius_world);
-  ASSERT_GT(shading::light_power(table.lights[3], table.scene_radius_world), with_place);
+  double power[3];
+  for (int i = 0; i < 2; ++i)
+    power[i] = shading::emitter_power(table.emitters[i].shape, table.emissions[table.emitters[i].emission]);
+  power[2] = shading::light_power(table.lights[0], table.scene_radius_world);
+  const double with_place = power[0] + power[1] + power[2];
+  ASSERT_GT(shading::light_power(table.lights[1], table.scene_radius_world), with_place);
   double sum = 0;
   for (size_t i = 0; i < 3; ++i) {
-    sum += shading::light_power(table.lights[i], table.scene_radius_world);
+    sum += power[i];
     EXPECT_NEAR(table.cdf[i + 1], sum / (2 * with_place), 1e-7);  // half an ulp of 1 for the rounding of each sum
   }
   EXPECT_EQ(table.cdf[4], 1);
@@ -280,7 +287,6 @@ TEST_F(ScenePackerTest, references_to_nothing_are_refused) {
   fails([&](SceneSink& s) { return add(s, [](MeshInput& m) { m.alpha = TextureId{0}; }); });
   fails([&](SceneSink& s) { return add(s, [](MeshInput& m) { m.object = 1; }); });
   fails([&](SceneSink& s) { return add(s, [](MeshInput& m) { m.emits = true, m.emission = {-1, 0, 0}; }); });
-  fails([&](SceneSink& s) { return add(s, [&](MeshInput& m) { m.object = s.begin_object("p"), m.emits = true; }); });
   fails([&](SceneSink& s) { return bool(s.add_instance(1, Affine3{})); });
   fails([&](SceneSink& s) { return bool(s.add_instance(0, Affine3{})); });
   fails([&](SceneSink& s) {
@@ -288,7 +294,6 @@ TEST_F(ScenePackerTest, references_to_nothing_are_refused) {
     flat.m[2][2] = 0;
     return bool(s.add_instance(s.begin_object("p"), flat));
   });
-  fails([&](SceneSink& s) { return bool(s.add_light(light_of(shading::LightKind::triangle))); });
   fails([&](SceneSink& s) { return bool(s.add_image(directory_ / "none.png", cache::TexelEncoding::srgb)); });
   fails([&](SceneSink& s) {
     TextureNode node;

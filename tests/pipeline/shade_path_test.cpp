@@ -14,23 +14,17 @@ namespace {
 
 // A lamp of two triangles over the receiver at the origin, whose normal is z: corners (-1, -1) to (1, 1) at `height`.
 struct Lamp {
-  std::vector<shading::Light> lights;
+  std::vector<shading::Emitter> emitters;
+  std::vector<shading::Emission> emissions{{{1, 1, 1}, 1}};
   std::vector<float> cdf{0, 0.5f, 1};
   float height;
 
   explicit Lamp(float at_height) : height(at_height) {
-    for (const Float3* edges : {kFirst, kSecond}) {
-      shading::Light light{};
-      light.kind = shading::LightKind::triangle;
-      light.position = {-1, -1, height}, light.edge1 = edges[0], light.edge2 = edges[1];
-      light.radiance = {1, 1, 1}, light.normal_sign = 1, light.two_sided = 1;
-      lights.push_back(light);
-    }
+    for (const Float3* edges : {kFirst, kSecond}) emitters.push_back({{{-1, -1, height}, edges[0], edges[1]}, 0});
   }
   [[nodiscard]] PathSettings settings() const {
     PathSettings s;
-    s.lights = {lights, cdf};
-    s.lights.first_infinite = 2;
+    s.lights.emitters = emitters, s.lights.emissions = emissions, s.lights.cdf = cdf;
     return s;
   }
   // The triangle that a ray from the origin meets; none: the ray passes.
@@ -55,7 +49,7 @@ ShadingPoint point_at(Float3 position) {
 HitRecord hit_from_above(uint32_t sample, uint32_t bounce = 0) {
   HitRecord hit{};
   hit.direction_world = {0, 0, -1};
-  hit.path.sink = 9, hit.path.sample = sample, hit.path.bounce = bounce;
+  hit.path.sink = 9, hit.path.sample = sample, hit.path.bounce = static_cast<uint16_t>(bounce);
   hit.path.throughput = {1, 1, 1}, hit.path.eta_scale = 1;
   return hit;
 }
@@ -114,12 +108,15 @@ TEST(ShadePath, both_strategies_together_bring_the_light_of_a_square_lamp_once) 
 // The balance of the two shows in the noise: each direction is left to the strategy that is more likely to find it.
 TEST(ShadePath, the_more_likely_strategy_has_the_larger_weight) {
   const Lamp lamp(0.5f);
+  // Of a square of half sides 1 above its centre.
+  const double square_solid_angle = 4 * std::asin(1 / (1 + 0.5 * 0.5));
   int compared = 0;
   for (uint32_t sample = 0; sample < 1000; ++sample) {
     const ShadedVertex vertex = shade_vertex(lamp.settings(), hit_from_above(sample), point_at({0, 0, 0}), diffuse(1));
     if (!vertex.has_shadow) continue;
     const Float3 w = normalize(vertex.shadow_ray.direction_world);
-    const double pdf_light = length_squared(vertex.shadow_ray.direction_world) / (4 * w.z), pdf_bsdf = w.z / M_PI;
+    // Half of the samples go to each triangle, evenly over its solid angle: a quarter of the square's, twice.
+    const double pdf_light = 0.5 / (square_solid_angle / 2), pdf_bsdf = w.z / M_PI;
     // f cos / pdf without the weight
     const double weight = vertex.shadow.contribution.g / (pdf_bsdf / pdf_light);
     EXPECT_NEAR(weight, pdf_light * pdf_light / (pdf_light * pdf_light + pdf_bsdf * pdf_bsdf), 1e-3);

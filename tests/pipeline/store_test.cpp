@@ -11,8 +11,9 @@
 namespace spillway::pipeline::test {
 namespace {
 
-// Two quads, a lamp and an instance: a manifest of some thousand bytes, so that each can be tried.
-Status pack_small(const std::filesystem::path& path, std::vector<std::filesystem::path> sources = {}) {
+// Two quads, a lamp, an instance that moves and a camera that does: a manifest of some thousand bytes, so that each can
+// be tried. lit: the prototype emits too and stands still, so that the store has light trees.
+Status pack_small(const std::filesystem::path& path, std::vector<std::filesystem::path> sources = {}, bool lit = false) {
   SPILLWAY_ASSIGN(const auto packer, ScenePacker::create(path, {.source_files = std::move(sources)}));
   packer->set_settings(small_settings());
   packer->set_camera_path(7, std::vector{small_settings().camera, small_settings().camera});
@@ -33,8 +34,14 @@ Status pack_small(const std::filesystem::path& path, std::vector<std::filesystem
   SPILLWAY_TRY(packer->add_mesh(lamp_input));
   MeshInput tree_input = tree.input(0);
   tree_input.object = packer->begin_object("Tree");
+  tree_input.emits = lit, tree_input.emission = {2, 1, 1};
   SPILLWAY_TRY(packer->add_mesh(tree_input));
-  SPILLWAY_TRY(packer->add_instance(tree_input.object, Affine3{}));
+  Affine3 end;
+  end.m[0][0] = end.m[1][1] = 0.6f, end.m[1][0] = 0.8f, end.m[0][1] = -0.8f, end.m[2][3] = 1;
+  SPILLWAY_TRY(packer->set_camera_end(end));
+  if (!lit) SPILLWAY_TRY(packer->add_moving_instance(tree_input.object, Affine3{}, end));
+  if (lit) SPILLWAY_TRY(packer->add_instance(tree_input.object, Affine3{}));
+  if (lit) SPILLWAY_TRY(packer->add_instance(tree_input.object, Affine3{{{-2, 0, 0, 5}, {0, 1, 0, 0}, {0, 1, 1, 0}}}));
   SPILLWAY_TRY(packer->add_light(light_of(shading::LightKind::spot)));
   SPILLWAY_TRY(packer->add_light(light_of(shading::LightKind::distant)));
   return packer->finish();
@@ -44,6 +51,12 @@ class StoreTest : public ::testing::Test {
  protected:
   void SetUp() override {
     const Status packed = pack_small(store_);
+    ASSERT_TRUE(packed) << packed.error().message;
+    manifest_ = file_bytes(store_ / kManifestFile);
+  }
+  // Another store in the place of the first.
+  void pack_lit() {
+    const Status packed = pack_small(store_, {}, true);
     ASSERT_TRUE(packed) << packed.error().message;
     manifest_ = file_bytes(store_ / kManifestFile);
   }
@@ -58,6 +71,17 @@ class StoreTest : public ::testing::Test {
   template <class T>
   void set(const std::string& section, size_t byte, T value);
   void set_checksums(std::string& bytes, size_t entry);
+  struct Counts {
+    size_t tried = 0, refused = 0;
+  };
+  Counts flip_all(const std::vector<std::string>& sections);
+  // One number put somewhere else: each must be refused, with the manifest named.
+  struct Damage {
+    const char* section;
+    size_t byte;
+    uint32_t value;
+  };
+  void expect_refused(std::span<const Damage> cases);
 
   TemporaryDirectory directory_;
   std::filesystem::path store_ = directory_ / "a.store";
@@ -125,7 +149,14 @@ void use(const Store& store) {
   const shading::LightTable lights = store.light_table();
   EXPECT_LE(lights.first_infinite, lights.lights.size());
   for (const float u : {0.0f, 0.3f, 0.99f})
-    if (!lights.lights.empty()) (void)shading::sample_light(lights, {0.3f, 0.2f, -2}, u, {0.5f, 0.5f});
+    (void)shading::sample_light(lights, {{0.3f, 0.2f, -2}, 0x8080}, {u, 0.5f}, {0.5f, 0.5f});
+  const shading::LightReceiver receiver{{0.3f, 0.2f, -2}, 0x8080};
+  for (const Mesh& mesh : store.meshes())
+    for (uint32_t i = 0; mesh.light_base != LightId::kNone && i < store.instances().size(); ++i)
+      for (uint32_t f = 0; f < mesh.face_count && store.instances()[i].object == mesh.object; ++f) {
+        const shading::TriangleShape shape = shading::emitter_in_world(lights, i, mesh.light_base + f);
+        (void)shading::emitter_pdf_solid_angle(lights, receiver, i, mesh.light_base + f, shape, shape.position);
+      }
 
   const std::string file = file_bytes(store.trace_pages_path());
   std::vector<Buffer<std::byte>> pages;
@@ -147,12 +178,32 @@ void use(const Store& store) {
   }
 }
 
+// Every byte of the sections, three ways: refused, or a store that can be used.
+StoreTest::Counts StoreTest::flip_all(const std::vector<std::string>& sections) {
+  Counts counts;
+  for (const std::string& section : sections) {
+    size_t entry = 0;
+    section_offset(section, entry);
+    const auto size = value_at<uint64_t>(manifest_, entry + kEntrySizeAt);
+    for (size_t i = 0; i < size; ++i)
+      for (const std::byte flip : {std::byte{0x01}, std::byte{0x80}, std::byte{0xff}}) {
+        damage(section, i, flip);
+        const auto store = Store::open(store_);
+        ++counts.tried;
+        if (store) use(*store);
+        if (!store) ++counts.refused;
+      }
+  }
+  return counts;
+}
+
 TEST_F(StoreTest, a_good_one_opens_and_rays_hit_it) {
   const auto store = Store::open(store_);
   ASSERT_TRUE(store) << store.error().message;
   use(*store);
   EXPECT_EQ(store->settings().statistics.triangle_count, 12u);
-  EXPECT_EQ(store->light_table().lights.size(), 4u);
+  EXPECT_EQ(store->light_table().lights.size(), 2u);
+  EXPECT_EQ(store->light_table().emitters.size(), 2u);
   EXPECT_EQ(store->textures_path(), store_ / "textures");
 }
 
@@ -165,34 +216,74 @@ TEST_F(StoreTest, every_prefix_of_the_manifest_is_refused) {
   EXPECT_TRUE(Store::open(store_));
 }
 
-TEST_F(StoreTest, flipped_bytes_under_right_checksums_are_refused_or_harmless) {
-  const auto sections = {section::kSettings, section::kMeshes,      section::kMaterials,  section::kTextures,
-                         section::kLights,   section::kLightCdf,    section::kPages,      section::kTreeNodes,
-                         section::kTreeEntries, section::kTreeObjects, section::kInstances, section::kAttributes,
-                         section::kNames,    section::kSources};
-  size_t tried = 0, refused = 0;
-  for (const std::string section : sections) {
-    size_t entry = 0;
-    section_offset(section, entry);
-    const auto size = value_at<uint64_t>(manifest_, entry + kEntrySizeAt);
-    for (size_t i = 0; i < size; ++i)
-      for (const std::byte flip : {std::byte{0x01}, std::byte{0x80}, std::byte{0xff}}) {
-        damage(section, i, flip);
-        const auto store = Store::open(store_);
-        ++tried;
-        if (store) use(*store);
-        if (!store) ++refused;
-      }
-  }
-  EXPECT_GT(tried, 4000u);
-  EXPECT_GT(refused, tried / 10);  // most bytes are fractions of floats, colours and names, of which any is possible
+TEST_F(StoreTest, flipped_bytes_of_light_trees_are_refused_or_harmless) {
+  pack_lit();
+  const auto store = Store::open(store_);
+  ASSERT_TRUE(store) << store.error().message;
+  EXPECT_EQ(store->light_table().tree.nodes.size(), 2u);
+  use(*store);
+  const auto counts = flip_all({section::kEmitters, section::kEmissions, section::kLightNodes, section::kLightRoots,
+                                section::kEmitterLeaves, section::kInstanceLeaves, section::kLightCdf});
+  EXPECT_GT(counts.tried, 1500u);
+  EXPECT_GT(counts.refused, counts.tried / 5);
 }
 
-struct Damage {
-  const char* section;
-  size_t byte;
-  uint32_t value;
-};
+TEST_F(StoreTest, flipped_bytes_under_right_checksums_are_refused_or_harmless) {
+  const auto counts = flip_all({section::kSettings, section::kMeshes,      section::kMaterials,  section::kTextures,
+                         section::kLights,   section::kLightCdf,    section::kPages,      section::kTreeNodes,
+                         section::kTreeEntries, section::kTreeObjects, section::kInstances, section::kAttributes,
+                         section::kNames,    section::kSources});
+  EXPECT_GT(counts.tried, 4000u);
+  EXPECT_GT(counts.refused, counts.tried / 10);  // most bytes are fractions of floats, colours and names, of which any is possible
+}
+
+
+void StoreTest::expect_refused(std::span<const Damage> cases) {
+  for (const Damage& d : cases) {
+    set(d.section, d.byte, d.value);
+    const auto store = Store::open(store_);
+    ASSERT_FALSE(store) << d.section << " byte " << d.byte << " = " << d.value;
+    EXPECT_NE(store.error().message.find(kManifestFile), std::string::npos) << store.error().message;
+  }
+}
+
+TEST_F(StoreTest, each_law_of_the_light_trees_is_checked) {
+  pack_lit();
+  const uint32_t nan = 0x7fc00000, none = shading::kNoLightNode;
+  const auto child = [](int node, int slot) { return node * sizeof(shading::LightNode) + offsetof(shading::LightNode, child) + 4 * slot; };
+  // Node 0 is the prototype's, with the faces 2 and 3; node 1 the world's, with the lamp, the spot and two instances.
+  const Damage cases[] = {
+      {section::kLightRoots, 0, 0},     // the prototype's tree, in the world too
+      {section::kLightRoots, 0, 2},     // no such node
+      {section::kLightRoots, 0, none},  // the world has lights
+      {section::kLightRoots, 4, none},  // the prototype stands somewhere
+      {section::kLightNodes, child(0, 0), shading::light_child(shading::LightChild::node, 0)},      // itself
+      {section::kLightNodes, child(0, 0), shading::light_child(shading::LightChild::node, 1)},      // its own parent
+      {section::kLightNodes, child(0, 0), shading::light_child(shading::LightChild::node, 9)},      // beyond
+      {section::kLightNodes, child(0, 0), shading::light_child(shading::LightChild::emitter, 9)},   // beyond
+      {section::kLightNodes, child(0, 0), shading::light_child(shading::LightChild::emitter, 0)},   // of the world
+      {section::kLightNodes, child(0, 0), shading::light_child(shading::LightChild::instance, 1)},  // in a prototype
+      {section::kLightNodes, child(0, 0), shading::light_child(shading::LightChild::light, 0)},     // in a prototype
+      {section::kLightNodes, child(1, 0), shading::light_child(shading::LightChild::instance, 0)},  // the world
+      {section::kLightNodes, child(1, 0), shading::light_child(shading::LightChild::light, 1)},     // has no place
+      {section::kLightNodes, offsetof(shading::LightNode, parent), 0},
+      {section::kLightNodes, offsetof(shading::LightNode, child_count), 0},
+      {section::kLightNodes, offsetof(shading::LightNode, child_count), 9},
+      {section::kLightNodes, offsetof(shading::LightNode, energy), nan},
+      {section::kLightNodes, offsetof(shading::LightNode, energy), 0},
+      {section::kLightNodes, offsetof(shading::LightNode, energy), 0x7f800000},  // infinite
+      {section::kLightNodes, offsetof(shading::LightNode, origin), nan},
+      {section::kLightNodes, offsetof(shading::LightNode, scale), 0xbf800000},  // negative
+      {section::kLightNodes, offsetof(shading::LightNode, cone), 0xffffffff},
+      {section::kEmitterLeaves, 0, 0},
+      {section::kEmitterLeaves, 0, none},
+      {section::kEmitterLeaves, 0, 1u << 30},
+      {section::kInstanceLeaves, 0, 8},  // the world is no instance
+      {section::kInstanceLeaves, 4, none},
+      {section::kMeshes, sizeof(Mesh) + offsetof(Mesh, object), 0},  // whose faces stand in the tree of the other
+  };
+  expect_refused(cases);
+}
 
 TEST_F(StoreTest, each_law_between_the_tables_is_checked_and_the_section_named) {
   const uint32_t nan = 0x7fc00000;
@@ -210,6 +301,7 @@ TEST_F(StoreTest, each_law_between_the_tables_is_checked_and_the_section_named) 
       {section::kCameraPath, offsetof(FrameCamera, frame), 8},  // twice
       {section::kCameraPath, offsetof(FrameCamera, camera) + offsetof(shading::Camera, resolution_x_px), 63},
       {section::kCameraPath, offsetof(FrameCamera, camera) + offsetof(shading::Camera, focal_distance), nan},
+      {section::kCameraPath, offsetof(FrameCamera, camera) + offsetof(shading::Camera, motion), 1},
       {section::kMeshes, offsetof(Mesh, prim_base), 1},
       {section::kMeshes, offsetof(Mesh, face_count), 0},
       {section::kMeshes, offsetof(Mesh, material), 2},
@@ -230,10 +322,13 @@ TEST_F(StoreTest, each_law_between_the_tables_is_checked_and_the_section_named) 
       {section::kTextures, offsetof(TextureNode, uv_scale), nan},
       {section::kTextures, offsetof(TextureNode, kind), static_cast<uint32_t>(TextureKind::image)},  // without image
       {section::kLights, offsetof(shading::Light, kind), 5},
-      {section::kLights, offsetof(shading::Light, kind), static_cast<uint32_t>(shading::LightKind::point)},
       {section::kLights, offsetof(shading::Light, radiance), nan},
-      {section::kLights, 2 * sizeof(shading::Light), static_cast<uint32_t>(shading::LightKind::infinite)},
-      {section::kLights, 2 * sizeof(shading::Light) + offsetof(shading::Light, edge1), 0x40000000},  // length
+      {section::kLights, offsetof(shading::Light, kind), static_cast<uint32_t>(shading::LightKind::infinite)},  // not last
+      {section::kLights, offsetof(shading::Light, edge1), 0x40000000},  // length
+      {section::kEmitters, offsetof(shading::Emitter, emission), 1},
+      {section::kEmitters, 0, nan},
+      {section::kEmissions, 0, 0xbf800000},  // negative
+      {section::kEmissions, offsetof(shading::Emission, two_sided), 2},
       {section::kLightCdf, 0, 0x3c000000},   // not 0
       {section::kLightCdf, 4, nan},
       {section::kLightCdf, 4, 0x3f800001},   // beyond 1
@@ -247,6 +342,20 @@ TEST_F(StoreTest, each_law_between_the_tables_is_checked_and_the_section_named) 
       {section::kTreeEntries, offsetof(cache::PageTreeEntry, index), 0},  // the world's page, now twice
       {section::kTreeObjects, offsetof(cache::PageObject, root), cache::kNoChild},
       {section::kTreeObjects, offsetof(cache::PageObject, bounds_object), nan},
+      {section::kSettings, offsetof(SceneSettings, camera) + offsetof(shading::Camera, motion), 3},
+      {section::kSettings, offsetof(SceneSettings, camera) + offsetof(shading::Camera, shutter_open), 0x40000000},  // after
+      {section::kSettings, offsetof(SceneSettings, motion), 0x40000000},  // ends before it starts
+      {section::kMotions, 0, 0x3f800001},                                 // not where the camera is
+      {section::kMotions, sizeof(Motion), 0x3f800001},                    // not where the instance is
+      {section::kMotions, offsetof(Motion, rotation), 0x3f000000},
+      {section::kMotions, offsetof(Motion, axis), nan},
+      {section::kMotions, offsetof(Motion, turns), 0x3f000001},           // more than half a turn
+      {section::kMotions, offsetof(Motion, turns), 0},                    // not as far as the other key
+      {section::kMotions, offsetof(Motion, stretch), 0xbf800000},         // mirrored in one direction
+      {section::kMotions, offsetof(Motion, stretch), 0},                  // flat
+      {section::kMotions, offsetof(Motion, key) + sizeof(Affine3) + 12, 0x7f000000},  // too far
+      {section::kInstances, sizeof(cache::Instance) + offsetof(cache::Instance, motion), 3},
+      {section::kInstances, offsetof(cache::Instance, motion), 1},  // the world does not move
       {section::kInstances, 0, 0x3f800001},  // the world: not the identity
       {section::kInstances, sizeof(cache::Instance), 0x3f900000},  // not the inverse of the other
       {section::kInstances, sizeof(cache::Instance) + offsetof(cache::Instance, object), 0},
@@ -254,12 +363,7 @@ TEST_F(StoreTest, each_law_between_the_tables_is_checked_and_the_section_named) 
       {section::kAttributes, offsetof(AttributeLocation, prim_count), 11},
       {section::kAttributes, offsetof(AttributeLocation, size_bytes), 4097},
   };
-  for (const Damage& d : cases) {
-    set(d.section, d.byte, d.value);
-    const auto store = Store::open(store_);
-    ASSERT_FALSE(store) << d.section << " byte " << d.byte << " = " << d.value;
-    EXPECT_NE(store.error().message.find(kManifestFile), std::string::npos) << store.error().message;
-  }
+  expect_refused(cases);
   set(section::kMeshes, offsetof(Mesh, alpha_texture), 2u);
   EXPECT_NE(Store::open(store_).error().message.find("'meshes', item 0"), std::string::npos);
 }
@@ -269,7 +373,8 @@ TEST_F(StoreTest, the_camera_path_is_kept_and_the_contents_have_a_key) {
   ASSERT_TRUE(store);
   ASSERT_EQ(store->camera_path().size(), 2u);
   EXPECT_EQ(store->camera_path()[1].frame, 8u);
-  EXPECT_EQ(std::memcmp(&store->camera_path()[1].camera, &store->settings().camera, sizeof(shading::Camera)), 0);
+  const shading::Camera camera = small_settings().camera;
+  EXPECT_EQ(std::memcmp(&store->camera_path()[1].camera, &camera, sizeof camera), 0);
   const std::filesystem::path other = directory_ / "b.store";
   ASSERT_TRUE(pack_small(other, {directory_ / "a.store" / kManifestFile}));
   EXPECT_EQ(Store::open(other)->content_key(), store->content_key());  // whatever it was made from

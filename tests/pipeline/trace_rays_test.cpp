@@ -58,7 +58,7 @@ class Scene {
       add_soup(object, 500, 1, 0.3f);
       write_object(object);
     }
-    instances_.push_back({{}, {}, 0, {}});
+    instances_.push_back({{}, {}, 0, 0, {}});
     for (int i = 0; i < (instances ? 40 : 0); ++i) add_instance(1 + random_.below(2));
     std::ofstream(path(), std::ios::binary).write(reinterpret_cast<const char*>(file_.data()), std::ssize(file_));
     build_tree();

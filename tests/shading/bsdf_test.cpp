@@ -8,6 +8,9 @@
 #include <string>
 #include <vector>
 
+#include "shading/microfacet.h"
+#include "tests/support/chi_square.h"
+
 namespace spillway::shading {
 namespace {
 
@@ -33,6 +36,7 @@ std::vector<Case> continuous_cases() {
           {"conductor", params(BsdfKind::conductor, 0.3f, 0.3f)},
           {"stretched conductor", params(BsdfKind::conductor, 0.15f, 0.5f)},
           {"dielectric", params(BsdfKind::dielectric, 0.4f, 0.4f)},
+          {"stretched dielectric", params(BsdfKind::dielectric, 0.5f, 0.25f)},
           {"coated diffuse, rough", params(BsdfKind::coated_diffuse, 0.3f, 0.3f)},
           {"coated diffuse, smooth", params(BsdfKind::coated_diffuse, 0, 0)},
           {"coated conductor", params(BsdfKind::coated_conductor, 0.25f, 0.25f)},
@@ -44,6 +48,14 @@ Float3 direction(float z, float phi) {
   return {r * std::cos(phi), r * std::sin(phi), z};
 }
 const std::vector<Float3> kFrom = {direction(0.95f, 0.3f), direction(0.6f, 2.0f), direction(0.25f, 4.4f)};
+
+// What lets light through is seen from its inside too.
+std::vector<Float3> directions_to(const BsdfParams& bsdf) {
+  std::vector<Float3> from = kFrom;
+  if (bsdf.kind == BsdfKind::dielectric || bsdf.kind == BsdfKind::diffuse_transmission)
+    for (const Float3 w : kFrom) from.push_back({w.x, w.y, -w.z});
+  return from;
+}
 
 constexpr int kRows = 12, kColumns = 16, kFine = 24;  // bins of the sphere, and points of integration a bin's side
 
@@ -81,15 +93,10 @@ class Uniform {
   std::mt19937_64 engine_{7};
 };
 
-// Of chi-square with n degrees of freedom, as standard deviations of a normal (Wilson and Hilferty 1931).
-double deviations(double chi_square, double n) {
-  return (std::cbrt(chi_square / n) - (1 - 2 / (9 * n))) / std::sqrt(2 / (9 * n));
-}
-
 TEST(Bsdf, directions_are_sampled_as_their_pdf_says) {
   constexpr int kSamples = 400000;
   for (const Case& c : continuous_cases())
-    for (const Float3 w_prev : kFrom) {
+    for (const Float3 w_prev : directions_to(c.bsdf)) {
       const Integrals expected = integrate(c.bsdf, w_prev);
       std::vector<double> seen(kRows * kColumns);
       Uniform u;
@@ -98,25 +105,17 @@ TEST(Bsdf, directions_are_sampled_as_their_pdf_says) {
         const BsdfSample sample = sample_bsdf(c.bsdf, w_prev, {x, y}, u());
         if (!sample.is_delta && sample.pdf_solid_angle > 0) ++seen[bin_of(sample.w_next_local)];
       }
-      double chi_square = 0, bins = 0, rest_seen = 0, rest_expected = 0;
-      for (size_t b = 0; b < seen.size(); ++b) {
-        const double wanted = expected.pdf[b] * kSamples;
-        if (wanted < 20) {  // too few for the normal approximation: together
-          rest_seen += seen[b], rest_expected += wanted;
-          continue;
-        }
-        chi_square += (seen[b] - wanted) * (seen[b] - wanted) / wanted, ++bins;
-      }
-      if (rest_expected > 5) chi_square += (rest_seen - rest_expected) * (rest_seen - rest_expected) / rest_expected, ++bins;
-      // 21 tests: five deviations are passed by chance once in a hundred thousand runs; the seed is fixed.
-      EXPECT_LT(deviations(chi_square, bins), 5) << c.name << " from z " << w_prev.z << ": " << chi_square << " of " << bins;
-      EXPECT_GT(bins, 20) << c.name;
+      test::ChiSquare chi_square;
+      for (size_t b = 0; b < seen.size(); ++b) chi_square.add(seen[b], expected.pdf[b] * kSamples);
+      // Some thirty tests: five deviations are passed by chance once in a hundred thousand runs; the seed is fixed.
+      EXPECT_LT(chi_square.deviations(), 5) << c.name << " from z " << w_prev.z;
+      EXPECT_GT(chi_square.bins(), 20) << c.name;
     }
 }
 
 TEST(Bsdf, a_samples_weight_is_value_over_pdf) {
   for (const Case& c : continuous_cases())
-    for (const Float3 w_prev : kFrom) {
+    for (const Float3 w_prev : directions_to(c.bsdf)) {
       Uniform u;
       int compared = 0;
       for (int i = 0; i < 3000; ++i) {
@@ -136,7 +135,7 @@ TEST(Bsdf, a_samples_weight_is_value_over_pdf) {
 TEST(Bsdf, the_mean_weight_is_the_integral_of_the_value) {
   for (const Case& c : continuous_cases()) {
     if (c.bsdf.kind == BsdfKind::coated_diffuse && c.bsdf.alpha_x == 0) continue;  // its coat is a delta
-    for (const Float3 w_prev : kFrom) {
+    for (const Float3 w_prev : directions_to(c.bsdf)) {
       constexpr int kSamples = 200000;
       Uniform u;
       double sum = 0, squares = 0;
@@ -159,6 +158,91 @@ TEST(Bsdf, reflection_is_reciprocal) {
       const Float3 a = direction(0.05f + 0.95f * u(), 6.28f * u()), b = direction(0.05f + 0.95f * u(), 6.28f * u());
       const Rgb ab = evaluate_bsdf(c.bsdf, a, b).f_cos, ba = evaluate_bsdf(c.bsdf, b, a).f_cos;
       ASSERT_NEAR(ab.g / b.z, ba.g / a.z, 1e-4f * (1 + ab.g / b.z)) << c.name;
+    }
+  }
+}
+
+// Radiance changes by eta^2 where light is refracted; for the rest the way back is as wide as the way there.
+TEST(Bsdf, refraction_is_reciprocal_up_to_the_squared_index) {
+  for (const float alpha : {0.2f, 0.5f}) {
+    const BsdfParams b = params(BsdfKind::dielectric, alpha, 0.7f * alpha);
+    Uniform u;
+    int compared = 0;
+    for (int i = 0; i < 4000; ++i) {
+      const Float3 above = direction(0.05f + 0.95f * u(), 6.28f * u()),
+                   below = direction(-0.05f - 0.95f * u(), 6.28f * u());
+      const float in = evaluate_bsdf(b, above, below).f_cos.g / -below.z,
+                  out = evaluate_bsdf(b, below, above).f_cos.g / above.z;
+      ASSERT_NEAR(in * b.eta * b.eta, out, 2e-4f * (1 + out)) << above.z << ' ' << below.z;
+      compared += out > 1e-3f;
+    }
+    EXPECT_GT(compared, 500);
+  }
+}
+
+// ---- white furnaces: what a surface of no absorption returns of light of one from all around ----
+
+double returned(const BsdfParams& bsdf, Float3 w_prev, int samples = 100000) {
+  Uniform u;
+  double sum = 0;
+  for (int i = 0; i < samples; ++i) {
+    const float x = u(), y = u();
+    const BsdfSample s = sample_bsdf(bsdf, w_prev, {x, y}, u());
+    sum += s.weight.g * s.eta_scale;  // radiance of one, as it is on that side
+  }
+  return sum / samples;
+}
+
+TEST(Bsdf, surfaces_of_one_bounce_that_lose_nothing_return_everything) {
+  BsdfParams sheet = params(BsdfKind::diffuse_transmission, 0, 0), mirror = params(BsdfKind::conductor, 0, 0);
+  sheet.reflectance = {0, 0.3f, 0}, sheet.transmittance = {0, 0.7f, 0};
+  mirror.conductor_k = {1e4f, 1e4f, 1e4f};
+  BsdfParams white = params(BsdfKind::diffuse, 0, 0);
+  white.reflectance = {1, 1, 1};
+  std::vector<BsdfParams> all{sheet, mirror, white};
+  for (const float eta : {1.05f, 1.5f, 2.4f})
+    for (const BsdfKind kind : {BsdfKind::dielectric, BsdfKind::thin_dielectric}) {
+      all.push_back(params(kind, 0, 0));
+      all.back().eta = eta;
+    }
+  for (const BsdfParams& bsdf : all)
+    for (const Float3 w : directions_to(bsdf))
+      // The weights are one, but for the side that a sheet's light leaves by: exact in expectation, 0.002 of noise.
+      EXPECT_NEAR(returned(bsdf, w), 1, bsdf.kind == BsdfKind::diffuse_transmission ? 0.002 : 1e-3)
+          << static_cast<int>(bsdf.kind) << ' ' << w.z;
+}
+
+// The visible normals of a rough surface, seen from anywhere, fill exactly what is seen (Heitz 2014, equation 16): no
+// light is lost or made before the second bounce, at any roughness.
+TEST(Bsdf, visible_normals_fill_what_is_seen_at_any_roughness) {
+  constexpr int kSteps = 500;
+  for (const float alpha_x : {0.02f, 0.1f, 0.3f, 0.7f, 1.0f})
+    for (const float stretch : {1.0f, 0.4f})
+      for (const float z : {1.0f, 0.7f, 0.3f, 0.05f}) {
+        const Ggx surface{alpha_x, alpha_x * stretch};
+        const Float3 w = direction(z, 0.9f);
+        double sum = 0;
+        for (int i = 0; i < kSteps * kSteps; ++i) {  // normals in proportion to their projected area, by inversion
+          // Slopes reach far: the last of them in steps of the fourth power.
+          const double left = 1 - (i % kSteps + 0.5) / kSteps, phi = 2 * M_PI * (i / kSteps + 0.5) / kSteps;
+          const double v = left * left * left * left, slope = std::sqrt((1 - v) / v);
+          const Float3 m = normalize(Float3{static_cast<float>(-slope * surface.alpha_x * std::cos(phi)),
+                                            static_cast<float>(-slope * surface.alpha_y * std::sin(phi)), 1});
+          sum += surface.visible_pdf(w, m) / (surface.d(m) * m.z) * 4 * left * left * left;
+        }
+        EXPECT_NEAR(sum / (kSteps * kSteps), 1, 2e-3) << alpha_x << ' ' << stretch << ' ' << z;  // the grid
+      }
+}
+
+// Rough glass loses what would bounce twice, and no more: little when it is smooth, more as it is rough, never a gain.
+TEST(Bsdf, rough_glass_loses_second_bounces_alone) {
+  for (const float side : {1.0f, -1.0f}) {
+    double before = 1.0005;
+    for (const float alpha : {0.02f, 0.1f, 0.3f, 0.6f, 1.0f}) {
+      const double share = returned(params(BsdfKind::dielectric, alpha, alpha), direction(0.6f * side, 1));
+      EXPECT_LT(share, before + 0.002) << alpha;  // noise
+      EXPECT_GT(share, alpha < 0.05f ? 0.995 : alpha < 0.2f ? 0.96 : 0.5) << alpha;
+      before = share;
     }
   }
 }
@@ -204,18 +288,22 @@ TEST(Bsdf, a_translucent_sheet_sends_each_share_to_its_side) {
 
 // A smooth coat over a white base, with what goes to and fro between them, loses nothing.
 TEST(Bsdf, a_white_coated_surface_returns_everything) {
-  BsdfParams b = params(BsdfKind::coated_diffuse, 0, 0);
-  b.reflectance = {1, 1, 1};
-  // Over all directions of arrival: the closed form is exact for the mean, since the base forgets where light came from.
-  Uniform u;
-  double sum = 0;
-  constexpr int kSamples = 400000;
-  for (int i = 0; i < kSamples; ++i) {
-    const Float3 w_prev = direction(std::sqrt(u()), 6.28f * u());  // cosine distributed
-    const float x = u(), y = u();
-    sum += sample_bsdf(b, w_prev, {x, y}, u()).weight.g;
+  for (const float eta : {1.2f, 1.5f, 2.0f}) {
+    BsdfParams b = params(BsdfKind::coated_diffuse, 0, 0);
+    b.reflectance = {1, 1, 1};
+    b.eta = eta, b.coat_internal_reflectance = internal_diffuse_reflectance(eta);
+    // Over all directions of arrival: the closed form is exact for the mean, since the base forgets where light came
+    // from.
+    Uniform u;
+    double sum = 0;
+    constexpr int kSamples = 400000;
+    for (int i = 0; i < kSamples; ++i) {
+      const Float3 w_prev = direction(std::sqrt(u()), 6.28f * u());  // cosine distributed
+      const float x = u(), y = u();
+      sum += sample_bsdf(b, w_prev, {x, y}, u()).weight.g;
+    }
+    EXPECT_NEAR(sum / kSamples, 1, 0.004) << eta;
   }
-  EXPECT_NEAR(sum / kSamples, 1, 0.004);
 }
 
 TEST(Bsdf, a_smooth_dielectric_splits_light_as_fresnel_says) {

@@ -4,6 +4,9 @@
 
 #include <cmath>
 #include <random>
+#include <vector>
+
+#include "tests/support/chi_square.h"
 
 namespace spillway::shading {
 namespace {
@@ -63,6 +66,25 @@ TEST(Camera, a_lens_is_sharp_at_its_focal_distance_alone) {
     EXPECT_NEAR(squares / kSamples, 0.25 * 0.25 / 2,
                 0.25 * 0.25 / 2 * 0.02);  // uniform on a disk; four standard errors
   }
+}
+
+// Rings of equal area, cut into sectors.
+TEST(Camera, points_of_the_lens_are_uniform) {
+  constexpr int kRings = 12, kSectors = 16, kSamples = 400000;
+  const Camera c = camera(false, 0.25f);
+  const Float3 middle = camera_ray(camera(false, 0), {100, 50}, {0.5f, 0.5f}).origin_world;
+  std::vector<double> seen(kRings * kSectors);
+  Uniform u;
+  for (int i = 0; i < kSamples; ++i) {
+    const float x = u();
+    const Float3 off = (camera_ray(c, {100, 50}, {x, u()}).origin_world - middle) * 4;  // on the unit disk
+    const double turn = std::atan2(off.y, off.z) / (2 * M_PI) + 0.5;
+    const auto ring = std::min(kRings - 1, static_cast<int>(length_squared(off) * kRings));
+    ++seen[static_cast<size_t>(ring * kSectors + std::min(kSectors - 1, static_cast<int>(turn * kSectors)))];
+  }
+  test::ChiSquare chi_square;
+  for (const double count : seen) chi_square.add(count, static_cast<double>(kSamples) / (kRings * kSectors));
+  EXPECT_LT(chi_square.deviations(), 5);
 }
 
 TEST(Camera, a_footprint_is_a_pixel) {

@@ -138,7 +138,7 @@ TEST(Environment, an_image_in_the_light_table_is_turned_and_weighed) {
   constexpr int kSamples = 400000;
   for (int i = 0; i < kSamples; ++i) {
     const float select = u();
-    const LightSample s = sample_light(table, {0, 0, 0}, select, {u(), u()});
+    const LightSample s = sample_light(table, {{0, 0, 0}}, {select, 0}, {u(), u()});
     ASSERT_EQ(s.pdf_solid_angle, infinite_pdf_solid_angle(table, s.w_next_world));
     ASSERT_EQ(s.radiance.g, infinite_radiance(table, s.w_next_world).g);
     ASSERT_NEAR(length(s.w_next_world), 1, 1e-5);

@@ -85,6 +85,18 @@ TEST(Sampler, one_sample_is_uniform_over_pixels) {
   EXPECT_LT(chi_square, 120);  // 63 degrees of freedom: mean 63, deviation 11.2
 }
 
+TEST(Sampler, the_points_of_a_bounce_are_those_of_its_slots) {
+  for (uint32_t i = 0; i < 4096; ++i) {
+    const SampleKey key{i * 2654435761u, i * 40503u, i % 3, i % 5 == 0 ? SamplerKind::independent : SamplerKind::sobol};
+    const BouncePoints points = sample_bounce(key, i % 37);
+    for (const BounceSlot slot : {kBounceLight, kBounceLightSelect, kBounceBsdf, kBounceLobeAndRoulette}) {
+      const Float2 alone = sample_2d(key, bounce_slot(i % 37, slot));
+      ASSERT_EQ(points[slot].x, alone.x);
+      ASSERT_EQ(points[slot].y, alone.y);
+    }
+  }
+}
+
 TEST(Sampler, hashed_numbers_are_uniform_and_depend_on_every_part_of_the_key) {
   double sum = 0;
   for (uint32_t i = 0; i < 10000; ++i) sum += hashed_1d({i, 1, 2}, SampleStream::decisions, 3, 4, 5);

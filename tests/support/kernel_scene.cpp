@@ -19,16 +19,22 @@ void KernelScene::add_page(std::span<const PackTriangle> triangles, uint32_t obj
 }
 
 void KernelScene::add_instance(uint32_t object, const Affine3& world_from_object) {
-  cache::Instance instance{world_from_object, {}, object, {}};
+  cache::Instance instance{world_from_object, {}, object, 0, {}};
   SPILLWAY_CHECK(pipeline::invert(world_from_object, instance.object_from_world), ==, true);
   instances_.push_back(instance);
   object_count_ = std::max(object_count_, object + 1);
 }
 
+void KernelScene::add_moving_instance(uint32_t object, const Motion& motion) {
+  add_instance(object, motion.key[0]);
+  motions_.push_back(motion);
+  instances_.back().motion = static_cast<uint32_t>(motions_.size());
+}
+
 void KernelScene::finish() {
-  packed_ = pipeline::pack_page_tree(bounds_, locations_, instances_, object_count_, options_);
+  packed_ = pipeline::pack_page_tree(bounds_, locations_, instances_, object_count_, options_, {motions_, 0, 1});
   tree_ = {packed_.nodes, packed_.entries, packed_.objects, instances_,
-           std::max(max_abs(packed_.bounds_world.lower), max_abs(packed_.bounds_world.upper))};
+           std::max(max_abs(packed_.bounds_world.lower), max_abs(packed_.bounds_world.upper)), motions_};
 }
 
 Walls::Walls(uint32_t cell_count, float wall_distance, float wall_size)

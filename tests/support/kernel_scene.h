@@ -17,13 +17,14 @@ using pipeline::PackTriangle;
 class KernelScene {
  public:
   explicit KernelScene(BuildOptions options = {}) : options_(options), instances_(1) {
-    instances_[0] = cache::Instance{Affine3{}, Affine3{}, 0, {}};
+    instances_[0] = cache::Instance{Affine3{}, Affine3{}, 0, 0, {}};
   }
 
   // A page of object 0 (the world) or of a prototype. `micromaps` as build_trace_page() takes them.
   void add_page(std::span<const PackTriangle> triangles, uint32_t object = 0,
                 std::span<const std::vector<std::byte>> micromaps = {});
   void add_instance(uint32_t object, const Affine3& world_from_object);
+  void add_moving_instance(uint32_t object, const Motion& motion);
   // After the last page and instance.
   void finish();
 
@@ -46,6 +47,7 @@ class KernelScene {
   std::vector<cache::PageLocation> locations_;
   std::vector<Bounds3> bounds_;
   std::vector<cache::Instance> instances_;
+  std::vector<Motion> motions_;
   pipeline::PackedPageTree packed_;
   cache::PageTree tree_;
 };

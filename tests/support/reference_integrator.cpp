@@ -8,6 +8,7 @@
 #include "pipeline/evaluate_texture.h"
 #include "pipeline/render/attribute_store.h"
 #include "pipeline/render/resolve_material.h"
+#include "pipeline/render/select_lights.h"
 #include "pipeline/render/shade_hits.h"
 #include "pipeline/render/shade_path.h"
 
@@ -79,7 +80,7 @@ class Walker {
       const HitRecord hit{found, ray.direction_world, ray.t_max, path, 0};
       SPILLWAY_TRY(resolve(hit));
       if (!query_.stopped) {
-        ray = ray_beyond(hit, point_);
+        ray = ray_beyond(s_.inputs.settings, hit, point_);
         path.cone_width = point_.width_world;
         continue;
       }
@@ -111,7 +112,7 @@ class Walker {
       hit.path.bounce = shadow.bounce, hit.path.throughput = shadow.contribution;
       SPILLWAY_TRY(resolve(hit));
       if (query_.stopped) return {};
-      ray = ray_beyond(hit, point_);
+      ray = ray_beyond(s_.inputs.settings, hit, point_);
     }
   }
 
@@ -119,11 +120,8 @@ class Walker {
     const PrimId prim{hit.hit.prim};
     const auto triangle =
         cache::triangle_attributes(s_.attributes.resident(s_.attributes.block_of(prim.value)), prim);
-    InstanceTransform transform;
-    if (hit.hit.instance != 0) {
-      const cache::Instance& instance = s_.inputs.instances[hit.hit.instance];
-      transform = {&instance.world_from_object, &instance.object_from_world};
-    }
+    Pose moved;
+    const InstanceTransform transform = instance_transform(s_.inputs, hit, moved);
     const bool flip = s_.inputs.tables.meshes[triangle.mesh.value].flags & kMeshFlipNormals;
     point_ = shading_point(triangle, hit, transform, flip);
     if (triangle.has_face) {
@@ -146,6 +144,7 @@ struct ReferenceState {
   std::unique_ptr<cache::TextureCache> textures;
   std::unique_ptr<TextureEvaluator> evaluator;
   std::unique_ptr<MaterialResolver> resolver;
+  SelectedLights lights;
   ShadeInputs inputs;
 };
 
@@ -160,9 +159,12 @@ Status open(const Store& store, const ReferenceOptions& options, ReferenceState&
   }
   state.evaluator = std::make_unique<TextureEvaluator>(store.textures(), state.textures.get());
   const RenderSettings& render = options.settings.render;
-  state.inputs.settings = {store.light_table(), render.max_depth, render.seed, render.sampler};
+  state.lights = SelectedLights(store, render.light_selection);
+  state.inputs.settings = {state.lights.table(), std::min(render.max_depth, kMostBounces), render.seed, render.sampler,
+                           ray_times(store, options.settings).shutter};
   state.inputs.tables = {store.meshes(), store.materials(), state.evaluator.get()};
   state.inputs.instances = store.page_tree().instances;
+  state.inputs.motions = store.motions();
   state.resolver = std::make_unique<MaterialResolver>(state.inputs.tables, render.seed);
   state.inputs.resolver = state.resolver.get();
   state.inputs.wants_aovs = options.aov_layers;
@@ -186,7 +188,7 @@ Result<std::unique_ptr<Film>> render_reference(const Store& store, const Tracer&
   auto film = std::make_unique<Film>(std::move(empty));
   const uint32_t spp = settings.render.samples_per_pixel;
   CameraRays camera(settings.camera, settings.filter, pixel_window(settings), settings.render.seed,
-                    settings.render.sampler);
+                    settings.render.sampler, ray_times(store, settings), settings.film.exposure_scale);
   const Walker::Shared shared{tracer, state.inputs, *state.attributes, *film};
   tbb::enumerable_thread_specific<Walker> walkers([&] { return Walker(shared); });
   constexpr size_t kBatch = 1 << 16;

@@ -144,6 +144,8 @@ SceneSettings settings(const SmallSceneOptions& options) {
   s.filter = {shading::FilterKind::mitchell, {2, 2}, 1.0f / 3, 1.0f / 3};
   s.render.samples_per_pixel = options.samples_per_pixel;
   s.render.max_depth = 6;
+  // Moves from before the shutter opens to before it closes: the rest of the time all stands still.
+  if (options.moves) s.motion = {-0.25f, 0.75f};
   return s;
 }
 
@@ -195,7 +197,19 @@ Status add_room(Builder& b, ScenePacker& packer, const Param& checks_param, uint
   return b.mesh(grid({-0.5f, 2.9f, -0.5f}, {1, 0, 0}, {0, 0, 1}, 2), black, 0, {}, {12, 11, 9});
 }
 
-Status add_objects(Builder& b, ScenePacker& packer) {
+// A turn about y and a step, from where the instance is.
+Affine3 moved_on(const Affine3& from, double angle_rad, Float3 step) {
+  const auto s = static_cast<float>(std::sin(angle_rad)), c = static_cast<float>(std::cos(angle_rad));
+  Affine3 to = from;
+  for (int j = 0; j < 3; ++j) {
+    to.m[0][j] = c * from.m[0][j] + s * from.m[2][j];
+    to.m[2][j] = c * from.m[2][j] - s * from.m[0][j];
+  }
+  for (int i = 0; i < 3; ++i) to.m[i][3] += step[i];
+  return to;
+}
+
+Status add_objects(Builder& b, ScenePacker& packer, bool moves) {
   SPILLWAY_ASSIGN(const Param wrinkles, b.noise(TextureKind::wrinkled));
   SPILLWAY_ASSIGN(const MaterialId glass, b.material(MaterialKind::dielectric, {}, 0));
   SPILLWAY_ASSIGN(const MaterialId frosted, b.material(MaterialKind::dielectric, {}, 0.2f));
@@ -212,12 +226,30 @@ Status add_objects(Builder& b, ScenePacker& packer) {
     place.m[0][0] = i == 2 ? -size : size, place.m[1][1] = size, place.m[2][2] = size;
     place.m[0][3] = -1.5f + 0.7f * static_cast<float>(i), place.m[1][3] = 0.9f + 0.2f * static_cast<float>(i % 2);
     place.m[2][3] = 1.2f;
+    // One stands still among those that move.
+    SPILLWAY_TRY(moves && i != 1 ? packer.add_moving_instance(object, place, moved_on(place, 1 + i, {0.3f, 0.2f, -0.4f}))
+                                 : packer.add_instance(object, place));
+  }
+  return {};
+}
+
+// A lamp head that shines down and a shade that does not, at five places.
+Status add_lamps(Builder& b, ScenePacker& packer) {
+  SPILLWAY_ASSIGN(const MaterialId grey, b.material(MaterialKind::diffuse, constant(0.4f, 0.4f, 0.4f), 0));
+  const uint32_t object = packer.begin_object("lamp");
+  SPILLWAY_TRY(b.mesh(grid({-0.05f, 0, -0.05f}, {0.1f, 0, 0}, {0, 0, 0.1f}, 2), grey, object, {}, {9, 14, 20}));
+  SPILLWAY_TRY(b.mesh(grid({-0.08f, 0.03f, -0.08f}, {0.16f, 0, 0}, {0, 0, 0.16f}, 1), grey, object));
+  for (int i = 0; i < 5; ++i) {
+    Affine3 place;
+    place.m[0][0] = i == 3 ? -1.0f : 1.0f, place.m[2][2] = i == 1 ? 2.5f : 1.0f, place.m[0][1] = i == 4 ? 0.6f : 0.0f;
+    place.m[0][3] = -1.6f + 0.8f * static_cast<float>(i), place.m[1][3] = 1.9f, place.m[2][3] = -0.4f * static_cast<float>(i);
     SPILLWAY_TRY(packer.add_instance(object, place));
   }
   return {};
 }
 
-Status add_everything(ScenePacker& packer, const std::filesystem::path& images) {
+Status add_everything(ScenePacker& packer, const std::filesystem::path& images, const SmallSceneOptions& options) {
+  const bool moves = options.moves;
   Builder b(packer, images);
   SPILLWAY_ASSIGN(const uint32_t check_texture, b.image("checks.png", 128, 3, checks, 1));
   SPILLWAY_ASSIGN(const uint32_t hole_texture, b.image("holes.png", 128, 1, holes, 1));
@@ -225,7 +257,8 @@ Status add_everything(ScenePacker& packer, const std::filesystem::path& images) 
   Param checked;
   checked.texture = check_texture;
   SPILLWAY_TRY(add_room(b, packer, checked, wave_texture));
-  SPILLWAY_TRY(add_objects(b, packer));
+  SPILLWAY_TRY(add_objects(b, packer, moves));
+  if (options.has_lamps) SPILLWAY_TRY(add_lamps(b, packer));
   Material fence;
   fence.reflectance = constant(0.2f, 0.5f, 0.2f);
   fence.displacement = wave_texture;
@@ -237,6 +270,13 @@ Status add_everything(ScenePacker& packer, const std::filesystem::path& images) 
   mix.mix_material[1] = red.value;
   mix.mix_amount.texture = hole_texture;
   SPILLWAY_ASSIGN(const MaterialId mixed, packer.add_material(mix, "mix"));
+  if (moves) {
+    const uint32_t gate = packer.begin_object("gate");
+    SPILLWAY_TRY(b.mesh(grid({-0.6f, 0, 0}, {1.2f, 0, 0}, {0, 1, 0}, 4), mixed, gate, TextureId{hole_texture}));
+    Affine3 closed;
+    closed.m[0][3] = 0.5f, closed.m[2][3] = -1.6f;
+    SPILLWAY_TRY(packer.add_moving_instance(gate, closed, moved_on(closed, 2, {-0.3f, 0, 0})));
+  }
   // Two walls with holes, one behind the other, and twice the same wall in the same place: ties.
   for (const float z : {-1.0f, 0.6f, 0.6f})
     SPILLWAY_TRY(b.mesh(grid({-1.2f, 0, z}, {2.4f, 0, 0}, {0, 1.6f, 0}, 6), mixed, 0, TextureId{hole_texture}));
@@ -275,10 +315,12 @@ Result<Store> pack_small_scene(const std::filesystem::path& directory, const std
   const auto store = directory / (name + ".store");
   SPILLWAY_ASSIGN(const auto packer, ScenePacker::create(store, pack));
   packer->set_settings(settings(options));
+  if (options.moves)
+    SPILLWAY_TRY(packer->set_camera_end(moved_on(settings(options).camera.world_from_camera, 0.1, {0.1f, 0.05f, 0.1f})));
   std::vector<shading::Camera> path(options.frame_count, settings(options).camera);
   for (size_t f = 0; f < path.size(); ++f) path[f].world_from_camera.m[0][3] += 0.05f * static_cast<float>(f);
   packer->set_camera_path(1, path);
-  SPILLWAY_TRY(add_everything(*packer, directory));
+  SPILLWAY_TRY(add_everything(*packer, directory, options));
   SPILLWAY_TRY(packer->finish());
   return Store::open(store);
 }

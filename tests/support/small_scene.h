@@ -1,7 +1,8 @@
 #pragma once
 
 // A small scene built in code that uses every part of the renderer: textures, a mix, an alpha mask, bumps, glass, metal,
-// coats, instances (one mirrored), an area light, a spot, a constant sky; a few thousand triangles in several pages.
+// coats, instances (one mirrored), an area light, lamps as instances (one mirrored, one sheared), a spot, a constant sky,
+// on request motion of all that can move; a few thousand triangles in several pages.
 
 #include <filesystem>
 #include <memory>
@@ -30,6 +31,8 @@ struct SmallSceneOptions {
   pipeline::BuildOptions tree{};
   uint32_t resolution_x_px = 48, resolution_y_px = 32;
   uint32_t samples_per_pixel = 4;
+  bool moves = false;     // instances and the camera
+  bool has_lamps = true;  // without: so few lights that there is no tree
   uint32_t frame_count = 0;  // of a camera path, from frame 1 on; each a little further to the right
 };
 

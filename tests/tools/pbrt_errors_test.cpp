@@ -86,8 +86,10 @@ TEST(pbrt_errors, directives_belong_somewhere) {
       {"Identity", "scene.pbrt: no WorldBegin"},
       {"", "scene.pbrt: no WorldBegin"},
       {"ColorSpace \"adobe\"", "scene.pbrt:1:12: color space \"adobe\" is not known"},
-      {"ActiveTransform StartTime", "scene.pbrt:1:17: ActiveTransform StartTime: motion"},
-      {"TransformTimes 0 1", "scene.pbrt:1:1: TransformTimes: motion"},
+      {"ActiveTransform Middle", "scene.pbrt:1:17: ActiveTransform Middle: use StartTime, EndTime or All"},
+      {"TransformTimes 1 1", "scene.pbrt:1:1: TransformTimes 1 1: the first must be before the second"},
+      {"TransformTimes 0 1e99", "scene.pbrt:1:1: TransformTimes 0 1e+99: the first"},
+      {"WorldBegin TransformTimes 0 1", "scene.pbrt:1:12: TransformTimes belongs before WorldBegin"},
       {"WorldBegin MediumInterface \"fog\" \"\"", "scene.pbrt:1:12: MediumInterface: media"},
       {"WorldBegin\n" +
            [] {
@@ -311,27 +313,6 @@ TEST(pbrt_errors, parameters_and_attributes_are_not_without_number) {
   for (int i = 0; i < 300; ++i) many += fmt::format("Attribute \"shape\" \"float p{}\" 1\n", i);
   expect_errors(
       {{one, "scene.pbrt:258:1: more than 256 parameters"}, {many, "scene.pbrt:257:11: more than 256 attributes"}});
-}
-
-TEST(pbrt_errors, instanced_emitters_are_not_without_number) {
-  std::string text = "WorldBegin\nObjectBegin \"a\" AreaLightSource \"diffuse\"\n";
-  for (int i = 0; i < 3; ++i) text += kTriangle;
-  text += "ObjectEnd\n";
-  for (int i = 0; i < 3; ++i) text += "ObjectInstance \"a\"\n";
-  ImportOptions options;
-  const auto path = write_file("scene.pbrt", text);
-  for (const auto& [most, line] : {std::pair{2, 5}, {8, 8}, {11, 9}, {12, 0}}) {
-    RecordingSink sink;
-    ImportReport report;
-    options.most_instanced_emitters = static_cast<uint64_t>(most);
-    const Status status = import_pbrt(path, sink, options, report);
-    const std::string want = fmt::format(":{}:1: objects and their instances hold more than {} emitting", line, most);
-    EXPECT_EQ(static_cast<bool>(status), line == 0);
-    if (!status) {
-      EXPECT_NE(status.error().message.find(want), std::string::npos) << status.error().message;
-    }
-    EXPECT_LE(sink.triangle_count, options.most_instanced_emitters);
-  }
 }
 
 TEST(pbrt_errors, folders_and_compressed_files_are_named) {

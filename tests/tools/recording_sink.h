@@ -17,6 +17,15 @@ struct RecordedMesh {
   std::vector<uint32_t> indices;
 };
 
+struct RecordedCage {
+  pipeline::SubdivisionInput input;  // its spans are not to be used
+  std::vector<Float3> positions;
+  std::vector<Float2> uvs;
+  std::vector<uint32_t> indices, corner_counts, uv_indices, holes;
+  std::vector<pipeline::SharpEdge> sharp_edges;
+  std::vector<pipeline::SharpVertex> sharp_vertices;
+};
+
 class RecordingSink : public pipeline::SceneSink {
  public:
   bool keep_meshes = true;  // else only counted
@@ -28,7 +37,14 @@ class RecordingSink : public pipeline::SceneSink {
   std::vector<ImageId> environments;
   std::vector<std::string> objects;
   std::vector<RecordedMesh> meshes;
+  std::vector<RecordedCage> cages;
   std::vector<std::pair<uint32_t, Affine3>> instances;
+  struct Moving {
+    uint32_t object;
+    Affine3 start, end;
+  };
+  std::vector<Moving> moving;
+  std::vector<Affine3> camera_ends;
   pipeline::SceneSettings settings;
   int settings_count = 0, finish_count = 0;
   uint64_t mesh_count = 0, triangle_count = 0;
@@ -83,9 +99,33 @@ class RecordingSink : public pipeline::SceneSink {
                       {mesh.indices.begin(), mesh.indices.end()}});
     return {};
   }
+  Status add_subdivision(const pipeline::SubdivisionInput& s) override {
+    if (s.cage.material.value >= materials.size()) contract = "cage before its material";
+    if (s.cage.object > objects.size()) contract = "cage of no object";
+    cages.push_back({s,
+                     {s.cage.positions.begin(), s.cage.positions.end()},
+                     {s.cage.uvs.begin(), s.cage.uvs.end()},
+                     {s.cage.indices.begin(), s.cage.indices.end()},
+                     {s.corner_counts.begin(), s.corner_counts.end()},
+                     {s.uv_indices.begin(), s.uv_indices.end()},
+                     {s.holes.begin(), s.holes.end()},
+                     {s.sharp_edges.begin(), s.sharp_edges.end()},
+                     {s.sharp_vertices.begin(), s.sharp_vertices.end()}});
+    return {};
+  }
   Status add_instance(uint32_t object, const Affine3& world_from_object) override {
     if (object == 0 || object > objects.size()) contract = "instance of no object";
     instances.emplace_back(object, world_from_object);
+    return {};
+  }
+  Status add_moving_instance(uint32_t object, const Affine3& start, const Affine3& end) override {
+    if (object == 0 || object > objects.size()) contract = "instance of no object";
+    moving.push_back({object, start, end});
+    return {};
+  }
+  Status set_camera_end(const Affine3& world_from_camera) override {
+    if (settings_count == 0) contract = "the camera's end before its settings";
+    camera_ends.push_back(world_from_camera);
     return {};
   }
   void set_settings(const pipeline::SceneSettings& given) override { settings = given, ++settings_count; }

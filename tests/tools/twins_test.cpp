@@ -6,43 +6,17 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <cstdlib>
 #include <filesystem>
 #include <fstream>
 
 #include "tests/support/small_scene.h"
+#include "tests/tools/rendered.h"
 #include "tools/metrics/statistical_equality.h"
 
 namespace spillway::tools {
 namespace {
 
 namespace fs = std::filesystem;
-
-Picture rendered(const fs::path& scene, int samples) {
-  const test::TemporaryDirectory directory;
-  const std::string out = directory.path() / "out.exr";
-  const std::string command = fmt::format(SPILLWAY_PROGRAM " render {} --store {} -o {} --spp {} --half-buffers -q",
-                                          scene.string(), (directory.path() / "a.store").string(), out, samples);
-  EXPECT_EQ(std::system(command.c_str()), 0) << command;
-  auto picture = read_picture(out);
-  EXPECT_TRUE(picture) << picture.error().message;
-  return picture ? *picture : Picture{};
-}
-
-struct Mean {
-  double value = 0, standard_error = 0;
-};
-Mean mean_of(const Picture& p) {
-  Mean mean;
-  double variance = 0;
-  for (size_t i = 0; i < p.pixels.size(); ++i) {
-    mean.value += luminance(p.pixels[i]);
-    const double d = luminance(p.half_a[i]) - luminance(p.half_b[i]);
-    variance += p.weight_a * (1 - p.weight_a) * d * d;
-  }
-  const auto count = static_cast<double>(p.pixels.size());
-  return {mean.value / count, std::sqrt(variance) / count};
-}
 
 #ifndef __SANITIZE_ADDRESS__  // under which the samples that statistics need would take minutes
 constexpr int kSamples = 2048;
@@ -51,7 +25,8 @@ class Twins : public testing::TestWithParam<const char*> {};
 
 TEST_P(Twins, are_equal_within_their_noise) {
   const fs::path source = SPILLWAY_SOURCE_DIR;
-  const bool is_caustic = GetParam() == std::string_view("glass") || GetParam() == std::string_view("mirror");
+  const std::string_view name = GetParam();
+  const bool is_caustic = name == "glass" || name == "mirror";
   const Picture ours =
       rendered(source / "tests/twins" / (std::string(GetParam()) + ".pbrt"), is_caustic ? 2 * kSamples : kSamples);
   const auto theirs = read_picture(source / "tests/images" / (std::string(GetParam()) + ".exr"));
@@ -69,8 +44,9 @@ TEST_P(Twins, are_equal_within_their_noise) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Mitsuba, Twins,
-                         testing::Values("box", "bulb", "bulb_point", "glass", "instances", "lens", "mirror",
-                                         "orthographic", "plastic", "sky", "spot", "sun", "texture", "thin_glass"),
+                         testing::Values("box", "bulb", "bulb_point", "glass", "globe", "instances", "lamps", "lens",
+                                         "mirror", "orthographic", "plastic", "quadrics", "sky", "spot", "sun",
+                                         "texture", "thin_glass"),
                          [](const auto& name) { return std::string(name.param); });
 #endif
 
@@ -131,6 +107,18 @@ TEST(KnownAnswers, a_closed_furnace_of_albedo_one_half_is_twice_as_bright) {
       "[0.5 0.5 0.5]\n"
       "Shape \"sphere\" \"float radius\" 8\n",
       2, 0.001);
+}
+
+// A mix is one of its parts, as often as it says, whatever they are.
+TEST(KnownAnswers, a_mix_returns_the_mean_of_its_parts) {
+  expect_mean(
+      "LightSource \"infinite\" \"rgb L\" [1 1 1]\nMakeNamedMaterial \"a\" \"string type\" \"diffuse\" \"rgb "
+      "reflectance\" "
+      "[0.8 0.8 0.8]\nMakeNamedMaterial \"b\" \"string type\" \"diffusetransmission\" \"rgb reflectance\" [0.1 0.1 "
+      "0.1] "
+      "\"rgb transmittance\" [0.3 0.3 0.3]\nMaterial \"mix\" \"string materials\" [\"a\" \"b\"] \"float amount\" 0.25\n"
+      "Shape \"trianglemesh\" \"point3 P\" [-9 -9 0 9 -9 0 9 9 0 -9 9 0] \"integer indices\" [0 1 2 0 2 3]\n",
+      0.75 * 0.8 + 0.25 * 0.4, 0.002);
 }
 
 // Clear glass in a white sky cannot be seen, through however many faces.

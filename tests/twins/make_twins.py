@@ -10,7 +10,8 @@ seeds and those of two halves of them, from which the test takes the variance (t
 A picture is noisy everywhere: no pixel sees the sky, whose sum in 32 bits Mitsuba would round.
 Where the two models differ there is no twin: rough GGX surfaces (Mitsuba's Smith term is separable, Spillway's is
 height-correlated), soft edges of spots (linear in the angle against a smoothstep in the cosine; the spot here has none), masks (the
-shadows of Mitsuba's path integrator are lighter than the opacity says; tests/tools/twins_test.cpp has the exact answer).
+shadows of Mitsuba's path integrator are lighter than the opacity says), blends (the two densities of Mitsuba's blend do
+not agree, so that its weights do not sum to one): tests/tools/twins_test.cpp has exact answers.
 Mitsuba's images have their first row at v = 0, pbrt's at v = 1: the texture is turned over.
 """
 
@@ -72,6 +73,13 @@ def block_of(bsdf, **more):
     return {"floor": FLOOR, "panel": PANEL, "block": cube(BLOCK, bsdf), "sensor": sensor(), **more}
 
 
+def lamp(name, to_world):
+    """A panel that looks down and a block beside it, both moved: what an object with an emitter is in each instance."""
+    panel = to_world @ T().translate([0.6, 0, 3]) @ T().rotate([1, 0, 0], 180) @ T().scale([0.8, 0.5, 1])
+    return {name + "_panel": rectangle(panel, bsdf=BLACK, emitter={"type": "area", "radiance": rgb(9, 8, 7)}),
+            name + "_block": cube(to_world @ T().translate([-0.3, 0.2, 0.5]) @ T().scale([0.4, 0.2, 0.4]), BLUE)}
+
+
 SCENES = {
     "box": block_of(GREY, wall=WALL),
     "mirror": block_of({"type": "conductor", "eta": rgb(0.2, 0.9, 1.1), "k": rgb(3.9, 2.5, 2.4)}),
@@ -108,6 +116,22 @@ SCENES = {
         "type": "twosided", "bsdf": {"type": "diffuse", "reflectance": {
             "type": "bitmap", "filename": str(FOLDER / "stripes.png"), "filter_type": "nearest",
             "to_uv": T().scale([8, -4, 1])}}})},
+    # pbrt's spherical mapping runs from pole to pole in s and around in t; Mitsuba's spheres have u around and v down.
+    "globe": {"floor": FLOOR, "panel": PANEL, "sky": SKY, "sensor": sensor(), "globe": {
+        "type": "sphere", "center": [0, 0, 1.2], "radius": 1, "bsdf": {"type": "twosided", "bsdf": {
+            "type": "diffuse", "reflectance": {
+                "type": "bitmap", "filename": str(FOLDER / "stripes.png"), "filter_type": "nearest",
+                "to_uv": T(np.array([[0, 1, 0, 0], [-1, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1.0]]))}}}}},
+    "quadrics": {
+        "floor": FLOOR, "sky": SKY, "sensor": sensor(),
+        "lamp": {"type": "disk", "to_world": T().translate([0.5, -0.5, 3.5]) @ T().rotate([1, 0, 0], 180) @ T().scale(0.7),
+                 "bsdf": BLACK, "emitter": {"type": "area", "radiance": rgb(12, 11, 10)}},
+        "tube": {"type": "cylinder", "p0": [0, 0, 0.4], "p1": [0, 0, 1.6], "radius": 0.6, "bsdf": GREY,
+                 "to_world": T().translate([-0.8, 0.4, 0]) @ T().rotate([0, 1, 0], 20)},
+        "plate": {"type": "disk", "bsdf": BLUE, "to_world":
+                  T().translate([1, 0.3, 0.7]) @ T().rotate([0.5**0.5, 0.5**0.5, 0], -40) @ T().scale(0.8)}},
+    "lamps": {"floor": FLOOR, "sensor": sensor(), **lamp("first", T().translate([0.9, 0, 0])),
+              **lamp("second", T().translate([-1, -0.5, 0.2]) @ T().rotate([0, 1, 0], 15) @ T().scale([-1, 1, 0.8]))},
 }
 
 

@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
+#include <cstring>
 #include <map>
 #include <memory>
 #include <optional>
@@ -30,13 +32,27 @@ constexpr size_t kMaxIncludeDepth = 32, kMaxAttributeDepth = 1024;
 constexpr size_t kMaxIncludes = 100000;
 
 struct GraphicsState {
-  Transform transform;  // the current one: world from shape (before WorldBegin: camera from world)
+  Transform transform;      // the current one, at the first of TransformTimes: world from shape (before WorldBegin: camera from world)
+  Transform transform_end;  // at the second
+  bool changes_start = true, changes_end = true;  // ActiveTransform
   bool reverse_orientation = false;
   std::shared_ptr<MaterialDefinition> material;  // none: look up the name
   Token material_name;
   std::optional<AreaEmission> emission;
   Attributes attributes;
   ColorSpace color_space = ColorSpace::srgb;
+  [[nodiscard]] bool moves() const { return !(transform == transform_end); }
+};
+
+// What CoordinateSystem names.
+struct NamedSystem {
+  Transform start, end;
+};
+
+// A shape of an object that moves in it: an object of its own for the sink.
+struct MovingShape {
+  uint32_t object;
+  Transform start, end;
 };
 
 struct OpenScope {
@@ -47,8 +63,9 @@ struct OpenScope {
 struct Object {
   uint32_t index = 0;
   Place place;
-  uint64_t mesh_count = 0;           // of what does not emit
-  std::vector<ReadShape> emitters;   // shapes of the world, once for each instance: every light has its place
+  uint64_t mesh_count = 0;
+  bool emits = false;
+  std::vector<MovingShape> moving;
 };
 
 enum class Where : uint8_t { options, world, anywhere };
@@ -199,13 +216,22 @@ class Importer {
   // ---- transforms ----
 
   Status transform(Tokenizer& tokens, const Token& directive) {
-    SPILLWAY_ASSIGN(state_.transform, read_transform(tokens, directive, state_.transform));
+    SPILLWAY_ASSIGN(const TransformStep step, read_transform_step(tokens, directive));
+    const bool both = state_.changes_start && state_.changes_end && !state_.moves();
+    if (state_.changes_start) {
+      SPILLWAY_ASSIGN(state_.transform, after_step(step, directive, state_.transform));
+    }
+    if (both) {
+      state_.transform_end = state_.transform;
+    } else if (state_.changes_end) {
+      SPILLWAY_ASSIGN(state_.transform_end, after_step(step, directive, state_.transform_end));
+    }
     return {};
   }
 
   Status name_system(Tokenizer& tokens, const Token& directive) {
     SPILLWAY_ASSIGN(const Token name, read_string_token(tokens, directive.text));
-    systems_[name.text] = state_.transform;
+    systems_[name.text] = {state_.transform, state_.transform_end};
     return {};
   }
 
@@ -213,7 +239,7 @@ class Importer {
     SPILLWAY_ASSIGN(const Token name, read_string_token(tokens, directive.text));
     const auto at = systems_.find(name.text);
     if (at == systems_.end()) return error_at(name.place, "there is no coordinate system {}", to_string(name));
-    state_.transform = at->second;
+    state_.transform = at->second.start, state_.transform_end = at->second.end;
     return {};
   }
 
@@ -223,14 +249,20 @@ class Importer {
   }
 
   Status transform_times(Tokenizer& tokens, const Token& directive) {
-    SPILLWAY_ASSIGN([[maybe_unused]] const std::vector<double> times, read_numbers(tokens, 2, false, directive.text));
-    return session_.ignorable(directive.place, "TransformTimes: motion is not supported yet");
+    SPILLWAY_ASSIGN(const std::vector<double> times, read_numbers(tokens, 2, false, directive.text));
+    options_.motion = {static_cast<float>(times[0]), static_cast<float>(times[1])};
+    const pipeline::MotionSettings& motion = options_.motion;
+    if (std::isfinite(motion.start_time) && std::isfinite(motion.end_time) && motion.start_time < motion.end_time) return {};
+    return error_at(directive.place, "TransformTimes {} {}: the first must be before the second", times[0], times[1]);
   }
 
   Status active_transform(Tokenizer& tokens, const Token& directive) {
     SPILLWAY_ASSIGN(const Token which, tokens.take());
-    if (which.text == "All") return {};
-    return error_at(which.place, "{} {}: motion is not supported yet", directive.text, to_string(which));
+    const bool start = which.text == "StartTime", end = which.text == "EndTime", all = which.text == "All";
+    if (!start && !end && !all)
+      return error_at(which.place, "{} {}: use StartTime, EndTime or All", directive.text, to_string(which));
+    state_.changes_start = start || all, state_.changes_end = end || all;
+    return {};
   }
 
   // ---- before the world ----
@@ -246,8 +278,8 @@ class Importer {
   }
 
   Status camera(Tokenizer& tokens, const Token& directive) {
-    options_.camera_from_world = state_.transform;
-    systems_["camera"] = state_.transform.inverse();
+    options_.camera_from_world = state_.transform, options_.camera_from_world_end = state_.transform_end;
+    systems_["camera"] = {state_.transform.inverse(), state_.transform_end.inverse()};
     return wait(tokens, directive, options_.camera);
   }
   Status film(Tokenizer& tokens, const Token& directive) { return wait(tokens, directive, options_.film); }
@@ -281,9 +313,19 @@ class Importer {
     options_.color_space = state_.color_space;
     SPILLWAY_ASSIGN(const pipeline::SceneSettings settings, build_settings(session_, options_, directive.place));
     session_.sink.set_settings(settings);
+    SPILLWAY_TRY(move_camera(settings.camera, options_.camera ? options_.camera->place : directive.place));
     in_world_ = true;
-    state_.transform = {};
+    state_.transform = state_.transform_end = {};
+    state_.changes_start = state_.changes_end = true;
     systems_["world"] = {};
+    return {};
+  }
+
+  // Keys that 32-bit floats cannot tell apart are none.
+  Status move_camera(const shading::Camera& camera, const Place& place) {
+    const Affine3 end = options_.camera_from_world_end.inverse().affine();
+    if (std::memcmp(&camera.world_from_camera, &end, sizeof end) == 0) return {};
+    if (const Status set = session_.sink.set_camera_end(end); !set) return error_at(place, "{}", set.error().message);
     return {};
   }
 
@@ -353,6 +395,8 @@ class Importer {
   Status light(Tokenizer& tokens, const Token& directive) {
     SPILLWAY_ASSIGN(const Token type, read_string_token(tokens, directive.text));
     SPILLWAY_ASSIGN(const ParamList params, params_with_attributes(tokens, Target::light));
+    if (state_.moves())
+      session_.warn(directive.place, "lights do not move: this one stays where it is at the first of TransformTimes");
     return add_light(session_, type.text, params, type.place, state_.transform);
   }
 
@@ -371,14 +415,39 @@ class Importer {
     SPILLWAY_ASSIGN(shape_state.material, materials_.use(*state_.material));
     if (!shape_state.material.valid()) return {};  // has no surface
     SPILLWAY_ASSIGN(ReadShape shape, read_shape(session_, textures_, type.text, params, directive.place, shape_state));
-    if (object_ == nullptr) return send_shape(session_, std::move(shape));
-    if (shape.emits()) {
-      SPILLWAY_TRY(count_emitter(shape, directive.place));
-      object_->emitters.push_back(std::move(shape));
-      return {};
+    if (state_.moves() && !shape.emits()) return moving_shape(std::move(shape));
+    if (state_.moves()) SPILLWAY_TRY(emitter_moves(directive.place));
+    if (object_ != nullptr) {
+      shape.state.object = object_->index, ++object_->mesh_count;
+      object_->emits = object_->emits || shape.emits();
     }
-    shape.state.object = object_->index, ++object_->mesh_count;
     return send_shape(session_, std::move(shape));
+  }
+
+  // As in pbrt, an instance of an object that holds this shape alone, in its own space.
+  Status moving_shape(ReadShape shape) {
+    shape.state.object = session_.sink.begin_object(shape.name);
+    shape.state.object_from_shape = {};
+    const Place place = shape.place;
+    const MovingShape moving{shape.state.object, state_.transform, state_.transform_end};
+    SPILLWAY_TRY(send_shape(session_, std::move(shape)));
+    if (object_ == nullptr) return add_instance(moving.object, moving.start, moving.end, place);
+    object_->moving.push_back(moving);
+    return {};
+  }
+
+  // Light tables know one place for each emitter.
+  Status emitter_moves(const Place& place) {
+    return session_.ignorable(place, "a shape that emits moves, which is not supported: it stays where it is at the first "
+                              "of TransformTimes");
+  }
+
+  Status add_instance(uint32_t object, const Transform& start, const Transform& end, const Place& place) {
+    const Affine3 first = start.affine(), last = end.affine();
+    const Status added = std::memcmp(&first, &last, sizeof first) == 0
+                             ? session_.sink.add_instance(object, first)
+                             : session_.sink.add_moving_instance(object, first, last);
+    return added ? added : error_at(place, "{}", added.error().message);
   }
 
   Status object_begin(Tokenizer& tokens, const Token& directive) {
@@ -414,29 +483,17 @@ class Importer {
       return error_at(name.place, "there is no object {}: define it before its first instance", to_string(name));
     }
     const Object& object = at->second;
-    if (object.mesh_count == 0 && object.emitters.empty()) {
+    if (object.mesh_count == 0 && object.moving.empty()) {
       session_.warn(name.place, "object {} holds nothing: the instance is left out", to_string(name));
       return {};
     }
-    if (object.mesh_count > 0) {
-      const Status added = session_.sink.add_instance(object.index, state_.transform.affine());
-      if (!added) return error_at(directive.place, "{}", added.error().message);
-    }
-    for (const ReadShape& kept : object.emitters) {
-      SPILLWAY_TRY(count_emitter(kept, directive.place));
-      ReadShape emitter = kept;
-      emitter.state.object_from_shape = state_.transform * emitter.state.object_from_shape;
-      SPILLWAY_TRY(send_shape(session_, std::move(emitter)));
-    }
+    if (state_.moves() && object.emits) SPILLWAY_TRY(emitter_moves(directive.place));
+    const Transform& end = object.emits ? state_.transform : state_.transform_end;
+    if (object.mesh_count > 0) SPILLWAY_TRY(add_instance(object.index, state_.transform, end, directive.place));
+    for (const MovingShape& shape : object.moving)
+      SPILLWAY_TRY(add_instance(shape.object, state_.transform * shape.start, end * shape.end, directive.place));
     ++session_.report.instance_count;
     return {};
-  }
-
-  Status count_emitter(const ReadShape& shape, const Place& place) {
-    emitter_count_ += shape.mesh.indices.size() / 3;
-    const uint64_t most = session_.options.most_instanced_emitters;
-    if (emitter_count_ <= most) return {};
-    return error_at(place, "objects and their instances hold more than {} emitting triangles", most);
   }
 
   static const std::array<Directive, 40> kDirectives;
@@ -447,10 +504,9 @@ class Importer {
   GraphicsState state_;
   std::vector<OpenScope> scopes_;
   std::vector<std::filesystem::path> open_files_;
-  std::map<std::string, Transform> systems_;
+  std::map<std::string, NamedSystem> systems_;
   std::map<std::string, Object> objects_;
   Object* object_ = nullptr;  // the one being defined
-  uint64_t emitter_count_ = 0;
   SceneOptions options_;
   bool in_world_ = false;
 };

@@ -23,8 +23,6 @@ struct ImportOptions {
   bool lenient = false;  // unknown and unsupported things that can be left out become warnings
   // What one shape may take that a few numbers describe: a bilinearmesh, a loopsubdiv. Of memory.
   uint64_t most_diced_bytes = 1 << 30;
-  // Emitting triangles of objects: kept until the end of the scene, and sent again, a light each, with each instance.
-  uint64_t most_instanced_emitters = 16 << 20;
 };
 
 inline constexpr size_t kMaxWarnings = 1000;  // kept; all are counted
@@ -33,6 +31,7 @@ struct ImportReport {
   std::vector<std::string> warnings;
   uint64_t warning_count = 0;
   uint64_t mesh_count = 0;
+  uint64_t cage_count = 0;  // of subdivision surfaces
   uint64_t triangle_count = 0;  // as read, degenerate ones included
   uint64_t object_count = 0;
   uint64_t instance_count = 0;

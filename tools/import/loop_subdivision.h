@@ -13,9 +13,6 @@
 
 namespace spillway::tools {
 
-// OpenSubdiv's tables and the mesh, measured at levels 8 to 11.
-inline constexpr uint64_t kBytesPerSubdividedTriangle = 280;
-
 Result<PlyMesh> subdivide_loop(const ParamList& params, Place place, uint64_t most_bytes);
 
 }  // namespace spillway::tools

@@ -71,8 +71,8 @@ Slot slot_of(const PlyProperty& property) {
 
 class PlyReader {
  public:
-  PlyReader(PlyBytes bytes, PlyHeader header, bool with_faces)
-      : bytes_(std::move(bytes)), header_(std::move(header)), with_faces_(with_faces) {}
+  PlyReader(PlyBytes bytes, PlyHeader header, PlyFaces faces)
+      : bytes_(std::move(bytes)), header_(std::move(header)), faces_(faces) {}
 
   Result<PlyMesh> read() {
     bool has_vertices = false, has_faces = false;
@@ -201,6 +201,7 @@ class PlyReader {
   Status read_face(const PlyProperty& property) {
     SPILLWAY_ASSIGN(const uint64_t offset, value_offset());
     SPILLWAY_ASSIGN(const uint32_t count, whole(property.count_type, "the count of corners"));
+    if (faces_ == PlyFaces::polygons) return read_polygon(property, offset, count);
     if (count != 3 && count != 4) {
       return bytes_.fail_at(offset, fmt::format("a face of {} corners: triangulate the mesh first", count));
     }
@@ -210,9 +211,20 @@ class PlyReader {
     }
     mesh_.indices.insert(mesh_.indices.end(), {corner[0], corner[1], corner[2]});
     if (count == 4) mesh_.indices.insert(mesh_.indices.end(), {corner[0], corner[2], corner[3]});
-    if (!with_faces_) return {};
+    if (faces_ != PlyFaces::numbered_triangles) return {};
     mesh_.faces.push_back({0, {0, 1, 2}, count == 3, count == 4 ? corner[3] : 0});
     if (count == 4) mesh_.faces.push_back({0, {0, 2, 3}, false, corner[1]});
+    return {};
+  }
+
+  Status read_polygon(const PlyProperty& property, uint64_t offset, uint32_t count) {
+    if (count < 3 || count > kMostPolygonCorners)
+      return bytes_.fail_at(offset, fmt::format("a face of {} corners; 3 to {} are possible", count, kMostPolygonCorners));
+    for (uint32_t i = 0; i < count; ++i) {
+      SPILLWAY_ASSIGN(const uint32_t corner, whole(property.type, "a vertex index"));
+      mesh_.indices.push_back(corner);
+    }
+    mesh_.corner_counts.push_back(count);
     return {};
   }
 
@@ -232,7 +244,7 @@ class PlyReader {
       const size_t first = mesh_.faces.size();
       uint32_t number = static_cast<uint32_t>(i);
       for (const PlyProperty& property : element.properties) {
-        if (with_faces_ && &property == numbers) {
+        if (faces_ == PlyFaces::numbered_triangles && &property == numbers) {
           SPILLWAY_ASSIGN(number, whole(property.type, "a face index"));
         } else {
           SPILLWAY_TRY(&property == corners ? read_face(property) : skip_value(property));
@@ -254,24 +266,25 @@ class PlyReader {
   Status check_indices() {
     for (size_t i = 0; i < mesh_.indices.size(); ++i) {
       if (mesh_.indices[i] < mesh_.positions.size()) continue;
-      return bytes_.fail(
-          fmt::format("triangle {} names vertex {} of {}", i / 3, mesh_.indices[i], mesh_.positions.size()));
+      const bool polygons = faces_ == PlyFaces::polygons;
+      return bytes_.fail(fmt::format("{} {} names vertex {} of {}", polygons ? "corner" : "triangle",
+                                     polygons ? i : i / 3, mesh_.indices[i], mesh_.positions.size()));
     }
     return {};
   }
 
   PlyBytes bytes_;
   PlyHeader header_;
-  bool with_faces_;
+  PlyFaces faces_;
   PlyMesh mesh_;
 };
 
 }  // namespace
 
-Result<PlyMesh> read_ply(const std::filesystem::path& file, bool with_faces) {
+Result<PlyMesh> read_ply(const std::filesystem::path& file, PlyFaces faces) {
   SPILLWAY_ASSIGN(PlyBytes bytes, PlyBytes::open(file));
   SPILLWAY_ASSIGN(PlyHeader header, read_ply_header(bytes));
-  return PlyReader(std::move(bytes), std::move(header), with_faces).read();
+  return PlyReader(std::move(bytes), std::move(header), faces).read();
 }
 
 }  // namespace spillway::tools

@@ -62,8 +62,8 @@ Status read_exposure(Session& session, const Waiting& film, const shading::Camer
   SPILLWAY_ASSIGN(const float iso, film.params.real("iso", 100));
   SPILLWAY_ASSIGN(const float seconds, film.params.real("exposuretime", camera.shutter_close - camera.shutter_open));
   settings.exposure_scale = seconds * iso / 100;
-  if (!(settings.exposure_scale > 0) || !std::isfinite(settings.exposure_scale)) {
-    return error_at(film.place, "the film gathers no light: exposure time and \"iso\" must be above 0");
+  if (!(settings.exposure_scale >= pipeline::kLeastExposure && settings.exposure_scale <= pipeline::kMostExposure)) {
+    return error_at(film.place, "the film gathers no light, or too much: exposure time times \"iso\" must be above 0");
   }
   SPILLWAY_ASSIGN(const std::string sensor, film.params.string("sensor", "cie1931"));
   if (sensor != "cie1931") {
@@ -273,6 +273,7 @@ Result<SceneSettings> build_settings(Session& session, const SceneOptions& optio
   SceneSettings settings;
   const Waiting camera = or_default(options.camera, "perspective", world_begin);
   settings.camera.world_from_camera = options.camera_from_world.inverse().affine();
+  settings.motion = options.motion;
   settings.render.seed = static_cast<uint32_t>(options.seed);
   if (options.color_space != ColorSpace::srgb && options.film)
     session.warn(options.film->place, "the picture is written in Rec. 709, whatever the scene's color space");

@@ -21,7 +21,8 @@ struct Waiting {
 
 struct SceneOptions {
   std::optional<Waiting> camera, film, filter, sampler, integrator;
-  Transform camera_from_world;
+  Transform camera_from_world, camera_from_world_end;  // at the two times of `motion`
+  pipeline::MotionSettings motion;
   int32_t seed = 0;
   ColorSpace color_space = ColorSpace::srgb;  // at WorldBegin
 };

@@ -101,12 +101,25 @@ Result<PlyMesh> read_plymesh(const ShapeSource& source) {
         session.ignorable(displacement->place, "displaced meshes are not supported yet: remove \"displacement\""));
   }
   name = file->strings[0];
-  Result<PlyMesh> mesh = read_ply(session.resolved(name), session.has_face_textures);
+  Result<PlyMesh> mesh = read_ply(session.resolved(name), session.has_face_textures ? PlyFaces::numbered_triangles : PlyFaces::triangles);
+  if (!mesh) return error_at(file->place, "{}", mesh.error().message);
+  return mesh;
+}
+
+// The faces that a subdivmesh may name in a file; the rest is read_cage's.
+Result<PlyMesh> read_subdivmesh(const ShapeSource& source) {
+  const Parameter* file = source.params.find(ParamType::string, "filename");
+  if (file == nullptr) return PlyMesh{};
+  SPILLWAY_TRY(expect_count(*file, file->strings.size(), 1));
+  source.name = file->strings[0];
+  Result<PlyMesh> mesh = read_ply(source.session.resolved(source.name), PlyFaces::polygons);
   if (!mesh) return error_at(file->place, "{}", mesh.error().message);
   return mesh;
 }
 
 Result<PlyMesh> read_quadric(const ShapeSource& source) { return dice_quadric(source.type, source.params, source.place); }
+
+constexpr std::string_view kSubdivmesh = "subdivmesh";
 
 struct ShapeReader {
   std::string_view type;
@@ -115,6 +128,7 @@ struct ShapeReader {
 constexpr ShapeReader kShapeReaders[] = {
     {"trianglemesh", read_trianglemesh},
     {"plymesh", read_plymesh},
+    {kSubdivmesh, read_subdivmesh},
     {"bilinearmesh", [](const ShapeSource& s) { return dice_bilinear_mesh(s.params, s.place, s.session.options.most_diced_bytes); }},
     {"loopsubdiv", [](const ShapeSource& s) { return subdivide_loop(s.params, s.place, s.session.options.most_diced_bytes); }},
     {"sphere", read_quadric},
@@ -176,6 +190,27 @@ Status send_by_power(Session& session, const PlyMesh& mesh, MeshInput input, con
   return {};
 }
 
+// Its normals are the limit surface's, outside by the winding; ReverseOrientation turns them, and the side that emits.
+Status send_cage(Session& session, ReadShape& shape, MeshInput input) {
+  ReadCage& cage = *shape.cage;
+  place_cage(shape.mesh, cage, shape.state.object_from_shape);
+  input.flip_normals = shape.state.reverse_orientation;
+  if (shape.emits()) {
+    if (shape.state.emission->power > 0)
+      return error_at(shape.place, "a subdivmesh with \"power\" is not supported: give its \"L\"");
+    input.emits = true;
+    input.emission = shape.state.emission->radiance;
+    input.emits_two_sided = shape.state.emission->two_sided;
+  }
+  input.positions = shape.mesh.positions, input.uvs = shape.mesh.uvs, input.indices = shape.mesh.indices;
+  const pipeline::SubdivisionInput subdivision{input,      cage.corner_counts, cage.uv_indices, cage.sharp_edges, cage.sharp_vertices,
+                                               cage.holes, cage.boundary,      cage.uv_rule};
+  const Status added = session.sink.add_subdivision(subdivision);
+  if (!added) return error_at(shape.place, "{}", added.error().message);
+  ++session.report.cage_count;
+  return {};
+}
+
 }  // namespace
 
 bool is_supported_shape(const std::string& type) { return find_reader(type) != nullptr; }
@@ -200,8 +235,11 @@ bool place_mesh(PlyMesh& mesh, const Transform& object_from_shape, bool reverse_
 
 Result<ReadShape> read_shape(Session& session, TextureTable& textures, const std::string& type, const ParamList& params,
                              Place place, const ShapeState& state) {
-  ReadShape shape{type, to_string(place), place, {}, {}, state};
+  ReadShape shape{type, to_string(place), place, {}, {}, {}, state};
   SPILLWAY_ASSIGN(shape.mesh, find_reader(type)->read({session, params, place, type, shape.name}));
+  if (type == kSubdivmesh) {
+    SPILLWAY_ASSIGN(shape.cage, read_cage(params, place, shape.mesh));
+  }
   SPILLWAY_ASSIGN(shape.alpha, read_alpha(textures, params, place));
   SPILLWAY_TRY(params.check_all_used(session, fmt::format("Shape \"{}\"", type)));
   return shape;
@@ -215,6 +253,7 @@ Status send_shape(Session& session, ReadShape shape) {
   input.material = state.material;
   input.object = state.object;
   input.alpha = shape.alpha;
+  if (shape.cage) return send_cage(session, shape, input);
   input.flip_normals = place_mesh(mesh, state.object_from_shape, state.reverse_orientation);
   input.positions = mesh.positions, input.normals = mesh.normals, input.uvs = mesh.uvs, input.indices = mesh.indices;
   input.faces = mesh.faces;

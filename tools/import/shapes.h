@@ -10,6 +10,7 @@
 #include "tools/import/params.h"
 #include "tools/import/ply.h"
 #include "tools/import/session.h"
+#include "tools/import/subdivision.h"
 #include "tools/import/textures.h"
 #include "tools/import/transform.h"
 
@@ -29,6 +30,7 @@ struct ReadShape {
   std::string type, name;
   Place place;
   PlyMesh mesh;
+  std::optional<ReadCage> cage;  // of a subdivmesh, whose faces are mesh.indices
   TextureId alpha;
   ShapeState state;
   [[nodiscard]] bool emits() const { return state.emission && !is_black(state.emission->radiance); }
@@ -37,7 +39,7 @@ struct ReadShape {
 [[nodiscard]] bool is_supported_shape(const std::string& type);
 Result<ReadShape> read_shape(Session& session, TextureTable& textures, const std::string& type, const ParamList& params,
                              Place place, const ShapeState& state);
-// Moves it, and sends it to the sink. Only shapes of the world may emit.
+// Moves it, and sends it to the sink.
 Status send_shape(Session& session, ReadShape shape);
 
 // What send_shape does to a mesh, by itself: moves it, and makes its geometric side and its normals agree.

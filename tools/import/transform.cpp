@@ -96,6 +96,10 @@ Transform operator*(const Transform& a, const Transform& b) {
   return product;
 }
 
+bool operator==(const Transform& a, const Transform& b) {
+  return std::equal(&a.m[0][0], &a.m[0][0] + 12, &b.m[0][0]);
+}
+
 Transform translation(Vec3 offset) {
   Transform t;
   t.m[0][3] = offset.x, t.m[1][3] = offset.y, t.m[2][3] = offset.z;

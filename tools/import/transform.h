@@ -30,6 +30,7 @@ struct Transform {
   [[nodiscard]] bool keeps_angles() const;
 };
 [[nodiscard]] Transform operator*(const Transform& a, const Transform& b);
+[[nodiscard]] bool operator==(const Transform& a, const Transform& b);
 
 [[nodiscard]] Transform translation(Vec3 offset);
 [[nodiscard]] Transform scaling(Vec3 factors);

@@ -43,10 +43,14 @@ Result<Transform> read_factor(Tokenizer& tokens, const Token& directive) {
 
 }  // namespace
 
-Result<Transform> read_transform(Tokenizer& tokens, const Token& directive, const Transform& current) {
-  if (directive.text == "Identity") return Transform{};
+Result<TransformStep> read_transform_step(Tokenizer& tokens, const Token& directive) {
+  if (directive.text == "Identity") return TransformStep{{}, true};
   SPILLWAY_ASSIGN(const Transform factor, read_factor(tokens, directive));
-  const Transform product = directive.text == "Transform" ? factor : current * factor;
+  return TransformStep{factor, directive.text == "Transform"};
+}
+
+Result<Transform> after_step(const TransformStep& step, const Token& directive, const Transform& current) {
+  const Transform product = step.replaces ? step.factor : current * step.factor;
   if (product.is_invertible()) return product;
   return error_at(directive.place, "{} makes the transform singular or infinite: it has no inverse", directive.text);
 }

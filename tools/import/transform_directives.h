@@ -7,7 +7,15 @@
 
 namespace spillway::tools {
 
-// Reads the directive's numbers; returns the current transform as it leaves it. Errors: not affine, no inverse.
-Result<Transform> read_transform(Tokenizer& tokens, const Token& directive, const Transform& current);
+// What a directive does to a current transform: multiplies from the right, or replaces it.
+struct TransformStep {
+  Transform factor;
+  bool replaces = false;
+};
+
+// Reads the directive's numbers. Errors: not affine.
+Result<TransformStep> read_transform_step(Tokenizer& tokens, const Token& directive);
+// The current transform as the directive leaves it. Errors: no inverse.
+Result<Transform> after_step(const TransformStep& step, const Token& directive, const Transform& current);
 
 }  // namespace spillway::tools

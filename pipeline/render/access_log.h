@@ -1,0 +1,66 @@
+#pragma once
+
+// Which pages and attribute blocks each wave of a render needed, read and swept: what `whatif` replays.
+//
+// Owns: the waves' lists. Memory: tag trace_log, about a byte a page and wave. Threads: one at a time.
+// Fails: write() as files do; read() refuses a file that is damaged or of another version, with its name.
+// Format: a section file of kind SPWACCES: facts (AccessFacts), page_bytes and attribute_bytes (uint64 a part), waves
+//         (WaveFacts) and sets (bytes): for each wave its lists in the order of WaveAccess, each as its length and the
+//         differences of its ascending items, in LEB128 (seven bits a byte, lowest first, the top bit: more follow).
+//
+// What rays need (`*_pages`, attribute_blocks) depends on the rays alone: the same lists for any budget and the same
+// waves. What was swept and read is this run's.
+
+#include <cstdint>
+#include <filesystem>
+#include <vector>
+
+#include "cache/base/memory.h"
+#include "cache/base/result.h"
+#include "pipeline/render/plan.h"
+
+namespace spillway::pipeline {
+
+struct WaveFacts {
+  uint64_t path_count = 0, shadow_count = 0, generated_count = 0, spilled_bytes = 0;
+  double generate_seconds = 0, sort_seconds = 0, trace_seconds = 0, route_seconds = 0, shade_seconds = 0;
+  double page_wait_seconds = 0, attribute_wait_seconds = 0;  // for reads, inside trace and shade
+};
+
+struct WaveAccess {
+  WaveFacts facts;
+  // Needed: pages by rays from the camera, by paths that go on, by shadow rays that arrived; and by every 64th ray.
+  std::vector<uint32_t> camera_pages, continued_pages, shadow_pages, sampled_pages;
+  std::vector<uint32_t> attribute_blocks;
+  // Visited by the sweep, resident or not, and read.
+  std::vector<uint32_t> swept_pages, read_pages, read_attribute_blocks;
+};
+
+struct AccessFacts {
+  SceneFacts scene;
+  uint64_t wave_paths = 0;
+  uint64_t memory_bytes = 0;  // the budget of the run; 0: none
+  uint64_t page_bytes_read = 0, attribute_bytes_read = 0;
+  double seconds = 0;
+};
+
+class AccessLog {
+ public:
+  AccessFacts facts;
+  std::vector<uint64_t> page_bytes, attribute_bytes;
+  std::vector<WaveAccess> waves;
+
+  // The wave that is under way: the last one.
+  WaveAccess& wave() { return waves.back(); }
+  void begin_wave() { waves.emplace_back(); }
+  // Lists become ascending and without duplicates; their memory is claimed.
+  void end_wave(const WaveFacts& wave_facts);
+
+  Status write(const std::filesystem::path& path) const;
+  static Result<AccessLog> read(const std::filesystem::path& path);
+
+ private:
+  std::vector<MemoryClaim> claims_;
+};
+
+}  // namespace spillway::pipeline

@@ -1,0 +1,28 @@
+#pragma once
+
+// The light table of a store for one way of choosing lights (RenderSettings::light_selection).
+
+#include "cache/base/memory.h"
+#include "pipeline/store.h"
+
+namespace spillway::pipeline {
+
+// Owns what differs from the store's table: nothing, unless lights are chosen uniformly. Memory: tag lights.
+class SelectedLights {
+ public:
+  SelectedLights() = default;
+  SelectedLights(const Store& store, LightSelection selection);
+
+  // Views into this and the store, which must outlive them.
+  [[nodiscard]] const shading::LightTable& table() const { return table_; }
+
+ private:
+  void select_uniformly();
+  void count_in_nodes();
+
+  shading::LightTable table_;
+  Buffer<float> cdf_;
+  Buffer<shading::LightNode> nodes_;
+};
+
+}  // namespace spillway::pipeline

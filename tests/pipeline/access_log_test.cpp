@@ -1,0 +1,136 @@
+#include "pipeline/render/access_log.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <fstream>
+
+#include "pipeline/render/render_image.h"
+#include "pipeline/render/replay_access.h"
+#include "tests/support/small_scene.h"
+
+namespace spillway::pipeline {
+namespace {
+
+class AccessLogTest : public testing::Test {
+ protected:
+  void SetUp() override {
+    auto store = test::pack_small_scene(directory_.path(), "scene", {});
+    ASSERT_TRUE(store) << store.error().message;
+    store_ = std::make_unique<Store>(std::move(*store));
+  }
+  RenderReport render(const PlanOptions& plan, AccessLog* log) {
+    RenderOptions o;
+    o.settings = store_->settings();
+    o.settings.render.samples_per_pixel = 16;
+    o.plan = plan;
+    o.access_log = log;
+    const auto image = render_image(*store_, o);
+    EXPECT_TRUE(image) << (image ? "" : image.error().message);
+    return image->report;
+  }
+  std::string bytes() {
+    std::ifstream file(path_, std::ios::binary);
+    return {std::istreambuf_iterator<char>(file), {}};
+  }
+
+  test::TemporaryDirectory directory_;
+  const std::filesystem::path path_ = directory_.path() / "access.log";
+  std::unique_ptr<Store> store_;
+};
+
+TEST_F(AccessLogTest, what_is_written_comes_back) {
+  AccessLog log;
+  render({.wave_paths = 1000, .page_bytes = 200'000}, &log);
+  ASSERT_TRUE(log.write(path_));
+  const auto back = AccessLog::read(path_);
+  ASSERT_TRUE(back) << back.error().message;
+  ASSERT_EQ(back->waves.size(), log.waves.size());
+  EXPECT_EQ(back->page_bytes, log.page_bytes);
+  EXPECT_EQ(back->attribute_bytes, log.attribute_bytes);
+  EXPECT_EQ(back->facts.wave_paths, 1000u);
+  size_t read = 0;
+  for (size_t w = 0; w < log.waves.size(); ++w) {
+    const WaveAccess &a = log.waves[w], &b = back->waves[w];
+    EXPECT_EQ(a.facts.path_count, b.facts.path_count);
+    EXPECT_TRUE(a.camera_pages == b.camera_pages && a.continued_pages == b.continued_pages &&
+                a.shadow_pages == b.shadow_pages && a.sampled_pages == b.sampled_pages &&
+                a.swept_pages == b.swept_pages && a.read_pages == b.read_pages &&
+                a.attribute_blocks == b.attribute_blocks && a.read_attribute_blocks == b.read_attribute_blocks);
+    read += b.read_pages.size();
+  }
+  EXPECT_GT(read, store_->pages().size());
+}
+
+TEST_F(AccessLogTest, damaged_logs_are_refused_by_name) {
+  AccessLog log;
+  render({.wave_paths = 1000}, &log);
+  ASSERT_TRUE(log.write(path_));
+  const std::string whole = bytes();
+  for (size_t i = 0; i < whole.size(); i += 97) {
+    std::string damaged = whole;
+    damaged[i] = static_cast<char>(damaged[i] ^ 0x10);
+    std::ofstream(path_, std::ios::binary) << damaged;
+    const auto back = AccessLog::read(path_);
+    ASSERT_FALSE(back) << i;
+    EXPECT_NE(back.error().message.find("access.log"), std::string::npos);
+    std::ofstream(path_, std::ios::binary) << whole.substr(0, i);
+    ASSERT_FALSE(AccessLog::read(path_)) << i;
+  }
+  EXPECT_FALSE(AccessLog::read(store_->directory() / kManifestFile));
+}
+
+// Under right checksums: lists that go beyond the tables, and that never end.
+TEST_F(AccessLogTest, lists_that_cannot_be_are_refused) {
+  AccessLog log;
+  log.page_bytes = {4096, 4096};
+  log.begin_wave();
+  log.wave().camera_pages = {0, 2};
+  log.end_wave({});
+  ASSERT_TRUE(log.write(path_));
+  EXPECT_FALSE(AccessLog::read(path_));
+  log.page_bytes.push_back(4096);
+  ASSERT_TRUE(log.write(path_));
+  EXPECT_TRUE(AccessLog::read(path_));
+}
+
+TEST_F(AccessLogTest, with_memory_for_all_each_page_that_is_needed_is_read_once) {
+  AccessLog log;
+  const RenderReport report = render({.wave_paths = 1000}, &log);
+  const auto replay = replay_access(log, {.wave_paths = 1000});
+  ASSERT_TRUE(replay) << replay.error().message;
+  EXPECT_EQ(replay->attribute_bytes, report.attributes.bytes_read);
+  // A sweep also reads pages that come before what stops the rays.
+  EXPECT_LE(replay->page_bytes, report.pages.bytes_read);
+  EXPECT_GE(static_cast<double>(replay->page_bytes), 0.8 * static_cast<double>(report.pages.bytes_read));
+  EXPECT_FALSE(replay->finer_than_log);
+  EXPECT_TRUE(replay_access(log, {.wave_paths = 500})->finer_than_log);
+}
+
+TEST_F(AccessLogTest, a_log_of_small_waves_foretells_what_other_budgets_and_waves_read) {
+  AccessLog log;
+  render({.wave_paths = 500}, &log);
+  for (const uint64_t wave_paths : {500u, 2000u, 8000u})
+    for (const uint64_t page_bytes : {150'000u, 400'000u}) {
+      const PlanOptions plan{.wave_paths = wave_paths, .page_bytes = page_bytes};
+      const RenderReport report = render(plan, nullptr);
+      const auto replay = replay_access(log, plan);
+      ASSERT_TRUE(replay);
+      const double waves = static_cast<double>(report.waves.size());
+      EXPECT_NEAR(static_cast<double>(replay->wave_count) / waves, 1, 0.2) << wave_paths << ' ' << page_bytes;
+      EXPECT_NEAR(static_cast<double>(replay->page_bytes) / static_cast<double>(report.pages.bytes_read), 1, 0.2)
+          << wave_paths << ' ' << page_bytes;
+    }
+}
+
+TEST_F(AccessLogTest, a_budget_that_is_too_small_is_refused) {
+  AccessLog log;
+  render({.wave_paths = 1000}, &log);
+  const auto replay = replay_access(log, {.memory_bytes = 1 << 20, .floor_bytes = 1 << 27});
+  ASSERT_FALSE(replay);
+  EXPECT_NE(replay.error().message.find("at least"), std::string::npos);
+  EXPECT_FALSE(replay_access(AccessLog{}, {}));
+}
+
+}  // namespace
+}  // namespace spillway::pipeline

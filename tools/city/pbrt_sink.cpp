@@ -1,0 +1,271 @@
+#include "tools/city/pbrt_sink.h"
+
+#include <fcntl.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cmath>
+#include <cstdio>
+#include <cstring>
+
+namespace spillway::tools::city {
+namespace {
+
+namespace fs = std::filesystem;
+using pipeline::MaterialKind;
+
+std::string rgb(std::string_view name, Rgb c) { return fmt::format(" \"rgb {}\" [ {} {} {} ]", name, c.r, c.g, c.b); }
+std::string number(std::string_view name, float value) { return fmt::format(" \"float {}\" [ {} ]", name, value); }
+
+std::string roughness(const pipeline::Material& m) {
+  std::string text = number("uroughness", m.u_roughness.constant.r) + number("vroughness", m.v_roughness.constant.r);
+  if (m.remap_roughness == 0) text += " \"bool remaproughness\" false";
+  return text;
+}
+
+// Of the kinds that the palette has.
+std::string parameters(const pipeline::Material& m) {
+  switch (m.kind) {
+    case MaterialKind::conductor:
+      return " \"string type\" \"conductor\"" + rgb("reflectance", m.reflectance.constant) + roughness(m);
+    case MaterialKind::coated_diffuse:
+      return " \"string type\" \"coateddiffuse\"" + rgb("reflectance", m.reflectance.constant) + roughness(m) +
+             number("eta", m.eta);
+    case MaterialKind::diffuse_transmission:
+      return " \"string type\" \"diffusetransmission\"" + rgb("reflectance", m.reflectance.constant) +
+             rgb("transmittance", m.transmittance.constant);
+    default:
+      return " \"string type\" \"diffuse\"" + rgb("reflectance", m.reflectance.constant);
+  }
+}
+
+void close_descriptor(int descriptor) { close(descriptor); }
+
+// pbrt takes a matrix column by column.
+std::string columns(const Affine3& a) {
+  std::string text;
+  for (int column = 0; column < 4; ++column)
+    for (int row = 0; row < 4; ++row)
+      text += fmt::format("{} ", row < 3 ? a.m[row][column] : column == 3 ? 1.0f : 0.0f);
+  return text;
+}
+
+template <class T>
+void put(std::vector<std::byte>& bytes, const T& value) {
+  const auto* first = reinterpret_cast<const std::byte*>(&value);
+  bytes.insert(bytes.end(), first, first + sizeof value);
+}
+
+std::string ply_header(const pipeline::MeshInput& mesh) {
+  std::string text = fmt::format("ply\nformat binary_little_endian 1.0\nelement vertex {}\n", mesh.positions.size());
+  text += "property float x\nproperty float y\nproperty float z\n";
+  if (!mesh.normals.empty()) text += "property float nx\nproperty float ny\nproperty float nz\n";
+  if (!mesh.uvs.empty()) text += "property float u\nproperty float v\n";
+  return text +
+         fmt::format("element face {}\nproperty list uchar int vertex_indices\nend_header\n", mesh.indices.size() / 3);
+}
+
+std::vector<std::byte> ply_bytes(const pipeline::MeshInput& mesh) {
+  const std::string header = ply_header(mesh);
+  std::vector<std::byte> bytes(header.size());
+  std::memcpy(bytes.data(), header.data(), header.size());
+  bytes.reserve(header.size() + mesh.positions.size() * 32 + mesh.indices.size() / 3 * 13);
+  for (size_t i = 0; i < mesh.positions.size(); ++i) {
+    put(bytes, mesh.positions[i]);
+    if (!mesh.normals.empty()) put(bytes, mesh.normals[i]);
+    if (!mesh.uvs.empty()) put(bytes, mesh.uvs[i]);
+  }
+  for (size_t i = 0; i < mesh.indices.size(); i += 3) {
+    put(bytes, uint8_t{3});
+    for (size_t k = 0; k < 3; ++k) put(bytes, mesh.indices[i + k]);
+  }
+  return bytes;
+}
+
+std::string settings_text(const pipeline::SceneSettings& s) {
+  const Affine3& w = s.camera.world_from_camera;
+  const Float3 x{w.m[0][0], w.m[1][0], w.m[2][0]}, y{w.m[0][1], w.m[1][1], w.m[2][1]},
+      z{w.m[0][2], w.m[1][2], w.m[2][2]};
+  std::string text = dot(cross(x, y), z) < 0 ? "Scale -1 1 1\nLookAt " : "LookAt ";
+  for (int row = 0; row < 3; ++row) text += fmt::format("{} ", w.m[row][3]);
+  text += " ";
+  for (int row = 0; row < 3; ++row)
+    text += fmt::format("{} ", static_cast<double>(w.m[row][3]) + 100 * static_cast<double>(w.m[row][2]));
+  text += " ";
+  for (int row = 0; row < 3; ++row) text += fmt::format("{} ", w.m[row][1]);
+  const double tangent = std::min(s.camera.tan_half_fov_x, s.camera.tan_half_fov_y);
+  text += fmt::format("\nCamera \"perspective\" \"float fov\" [ {} ]\n", std::atan(tangent) * 360 / M_PI);
+  text += fmt::format(
+      "Film \"rgb\" \"integer xresolution\" [ {} ] \"integer yresolution\" [ {} ] \"string filename\" \"city.exr\"\n",
+      s.camera.resolution_x_px, s.camera.resolution_y_px);
+  text += fmt::format("Sampler \"sobol\" \"integer pixelsamples\" [ {} ]\n", s.render.samples_per_pixel);
+  return text + fmt::format("Integrator \"path\" \"integer maxdepth\" [ {} ]\n", s.render.max_depth);
+}
+
+}  // namespace
+
+Result<std::unique_ptr<PbrtSink>> PbrtSink::create(const fs::path& folder, const std::string& main_name) {
+  std::error_code code;
+  fs::create_directories(folder / "geometry", code);
+  if (!fs::is_directory(folder / "geometry", code))
+    return error("{}: cannot be made a directory; name another folder", (folder / "geometry").string());
+  fs::remove(folder / (main_name + ".pbrt"), code);
+  std::unique_ptr<PbrtSink> sink(new PbrtSink());
+  sink->folder_ = folder, sink->main_name_ = main_name;
+  for (const auto& [text, name] :
+       {std::pair{&sink->geometry_, "geometry.pbrt"}, {&sink->instances_, "instances.pbrt"}}) {
+    SPILLWAY_ASSIGN(cache::WriteFile file, cache::WriteFile::create(folder / name, cache::IoPurpose::scene));
+    text->file = std::make_unique<cache::WriteFile>(std::move(file));
+  }
+  return sink;
+}
+
+Error PbrtSink::with_progress(const Error& problem) const {
+  return error("{}; {} MiB of the scene had been written", problem.message, written_bytes_ >> 20);
+}
+
+Status PbrtSink::append(Text& text, const std::string& line) {
+  constexpr size_t kPiece = 1 << 20;
+  text.pending += line;
+  if (text.pending.size() < kPiece) return {};
+  const Status written = text.file->append(std::as_bytes(std::span(text.pending)));
+  if (!written) return with_progress(written.error());
+  written_bytes_ += text.pending.size();
+  text.pending.clear();
+  return {};
+}
+
+Status PbrtSink::close(Text& text) {
+  SPILLWAY_TRY(text.file->append(std::as_bytes(std::span(text.pending))));
+  written_bytes_ += text.pending.size();
+  return text.file->commit();
+}
+
+Status PbrtSink::write_whole(const std::string& name, const std::string& text) {
+  SPILLWAY_ASSIGN(cache::WriteFile file, cache::WriteFile::create(folder_ / name, cache::IoPurpose::scene));
+  SPILLWAY_TRY(file.append(std::as_bytes(std::span(text))));
+  written_bytes_ += text.size();
+  return file.commit();
+}
+
+Result<ImageId> PbrtSink::add_image(const fs::path& file, cache::TexelEncoding) {
+  std::error_code code;
+  const fs::path relative = fs::relative(file, folder_, code);
+  images_.push_back(code || relative.empty() ? fs::absolute(file).string() : relative.string());
+  return ImageId{static_cast<uint32_t>(images_.size() - 1)};
+}
+
+Result<TextureId> PbrtSink::add_texture(const pipeline::TextureNode&) {
+  return error("textures are not written as pbrt text");
+}
+
+Result<MaterialId> PbrtSink::add_material(const pipeline::Material& material, std::string name) {
+  materials_ += fmt::format("MakeNamedMaterial \"{}\"{}\n", name, parameters(material));
+  material_names_.push_back(std::move(name));
+  return MaterialId{static_cast<uint32_t>(material_names_.size() - 1)};
+}
+
+Status PbrtSink::add_light(const shading::Light& light) {
+  if (light.kind != shading::LightKind::distant) return error("only distant lights are written as pbrt text");
+  const Float3 from = light.edge1 * -1.0f;
+  lights_ += fmt::format("LightSource \"distant\"{} \"point3 from\" [ {} {} {} ] \"point3 to\" [ 0 0 0 ]\n",
+                         rgb("L", light.radiance), from.x, from.y, from.z);
+  return {};
+}
+
+Status PbrtSink::add_environment(const shading::Light&, ImageId image) {
+  lights_ += fmt::format("LightSource \"infinite\" \"string filename\" \"{}\"\n", images_[image.value]);
+  return {};
+}
+
+uint32_t PbrtSink::begin_object(std::string name) {
+  objects_.push_back({std::move(name), {}});
+  return static_cast<uint32_t>(objects_.size());
+}
+
+Status PbrtSink::write_ply(const std::string& name, const pipeline::MeshInput& mesh) {
+  const std::vector<std::byte> bytes = ply_bytes(mesh);
+  const std::string path = (folder_ / name).string();
+  std::FILE* file = std::fopen(path.c_str(), "wb");
+  if (file == nullptr) return error("{}: cannot be written: {}", path, std::strerror(errno));
+  const bool written = std::fwrite(bytes.data(), 1, bytes.size(), file) == bytes.size();
+  const int problem = errno;
+  const bool closed = std::fclose(file) == 0;
+  if (!written || !closed) return error("{}: cannot be written: {}", path, std::strerror(written ? errno : problem));
+  written_bytes_ += bytes.size();
+  return {};
+}
+
+// Tens of thousands of files are synced at once, before the main file makes a scene of them.
+Status PbrtSink::sync_folder() const {
+  const int folder = open(folder_.c_str(), O_RDONLY | O_DIRECTORY);
+  const bool synced = folder >= 0 && syncfs(folder) == 0;
+  const int problem = errno;
+  if (folder >= 0) close_descriptor(folder);
+  if (!synced) return error("{}: cannot be synced: {}", folder_.string(), std::strerror(problem));
+  return {};
+}
+
+Status PbrtSink::add_mesh(const pipeline::MeshInput& mesh) {
+  const std::string name = "geometry/" + mesh.name + ".ply";
+  const Status written = write_ply(name, mesh);
+  if (!written) return with_progress(written.error());
+  return add_shape(mesh, fmt::format("Shape \"plymesh\" \"string filename\" \"{}\"\n", name));
+}
+
+Status PbrtSink::add_subdivision(const pipeline::SubdivisionInput& s) {
+  std::string text = "Shape \"subdivmesh\" \"point3 P\" [";
+  for (const Float3 p : s.cage.positions) text += fmt::format(" {} {} {}", p.x, p.y, p.z);
+  text += fmt::format(" ]\n  \"integer indices\" [ {} ]", fmt::join(s.cage.indices, " "));
+  if (!s.sharp_edges.empty()) {
+    text += "\n  \"integer creaseindices\" [";
+    for (const pipeline::SharpEdge& e : s.sharp_edges) text += fmt::format(" {} {}", e.vertices[0], e.vertices[1]);
+    text += " ] \"float creasesharpness\" [";
+    for (const pipeline::SharpEdge& e : s.sharp_edges) text += fmt::format(" {}", e.sharpness);
+    text += " ]";
+  }
+  if (!s.holes.empty()) text += fmt::format("\n  \"integer holeindices\" [ {} ]", fmt::join(s.holes, " "));
+  return add_shape(s.cage, text + "\n");
+}
+
+Status PbrtSink::add_shape(const pipeline::MeshInput& mesh, const std::string& shape) {
+  std::string text = fmt::format("NamedMaterial \"{}\"\n{}", material_names_[mesh.material.value], shape);
+  if (mesh.emits)
+    text =
+        fmt::format("AttributeBegin\nAreaLightSource \"diffuse\"{}\n{}AttributeEnd\n", rgb("L", mesh.emission), text);
+  if (mesh.object == 0) return append(geometry_, text);
+  objects_[mesh.object - 1].text += text;
+  return {};
+}
+
+Status PbrtSink::add_instance(uint32_t object, const Affine3& world_from_object) {
+  return append(instances_, fmt::format("AttributeBegin\nTransform [ {}]\nObjectInstance \"{}\"\nAttributeEnd\n",
+                                        columns(world_from_object), objects_[object - 1].name));
+}
+
+Status PbrtSink::finish() {
+  SPILLWAY_TRY(close(geometry_));
+  SPILLWAY_TRY(close(instances_));
+  std::string objects;
+  for (const Object& object : objects_)
+    objects += fmt::format("ObjectBegin \"{}\"\n{}ObjectEnd\n", object.name, object.text);
+  SPILLWAY_TRY(write_whole("objects.pbrt", objects));
+  SPILLWAY_TRY(write_whole("materials.pbrt", materials_));
+  SPILLWAY_TRY(sync_folder());
+  for (size_t i = 0; i < cameras_.size(); ++i) {
+    pipeline::SceneSettings settings = settings_;
+    settings.camera = cameras_[i];
+    SPILLWAY_TRY(write_main(fmt::format("{}.{:04}.pbrt", main_name_, first_frame_ + i), settings));
+  }
+  return write_main(main_name_ + ".pbrt", settings_);
+}
+
+Status PbrtSink::write_main(const std::string& name, const pipeline::SceneSettings& settings) {
+  std::string main = settings_text(settings) + "\nWorldBegin\n" + lights_ + "Include \"materials.pbrt\"\n";
+  if (!objects_.empty()) main += "Include \"objects.pbrt\"\n";
+  main += "Include \"geometry.pbrt\"\nInclude \"instances.pbrt\"\n";
+  return write_whole(name, main);
+}
+
+}  // namespace spillway::tools::city
