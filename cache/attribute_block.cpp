@@ -264,7 +264,7 @@ TriangleAttributes triangle_attributes(const TrianglePlace& place) {
   triangle.has_normals = (segment.flags & kHasNormals) != 0;
   triangle.has_uvs = (segment.flags & kHasUvs) != 0;
   triangle.has_face = (segment.flags & kHasFaces) != 0;
-  if (triangle.has_face) triangle.face = column<FaceOfTriangle>(block, segment.faces_offset)[face];
+  if (triangle.has_face) triangle.face = column<FaceOfTriangle>(place.block, segment.faces_offset)[place.face];
   for (int k = 0; k < 3; ++k) {
     triangle.position_object[k] = column<Float3>(place.block, segment.positions_offset)[index[k]];
     if (triangle.has_normals) triangle.normal_object[k] = column<Float3>(place.block, segment.normals_offset)[index[k]];
