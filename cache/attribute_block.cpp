@@ -17,7 +17,7 @@ uint64_t aligned(uint64_t n, uint64_t alignment) { return (n + alignment - 1) / 
 
 // Where a segment's columns lie, given where they may begin. 64 bit: counts from a damaged file must not overflow.
 struct Columns {
-  uint64_t indices = 0, positions = 0, normals = 0, uvs = 0;
+  uint64_t indices = 0, positions = 0, normals = 0, uvs = 0, faces = 0;
   uint64_t end = 0;
 };
 
@@ -33,6 +33,10 @@ Columns columns_from(uint64_t begin, uint32_t face_count, uint32_t vertex_count,
   if (flags & kHasUvs) {
     at.uvs = aligned(at.end, kColumnAlignment);
     at.end = at.uvs + uint64_t{vertex_count} * sizeof(Float2);
+  }
+  if (flags & kHasFaces) {
+    at.faces = aligned(at.end, kColumnAlignment);
+    at.end = at.faces + uint64_t{face_count} * sizeof(FaceOfTriangle);
   }
   return at;
 }
@@ -77,12 +81,14 @@ AttributeSegment segment_entry(const AttributeSegmentData& data, uint64_t& end) 
   segment.first_prim = data.first_prim;
   segment.face_count = static_cast<uint32_t>(data.indices.size() / 3);
   segment.vertex_count = static_cast<uint32_t>(data.positions.size());
-  segment.flags = (data.normals.empty() ? 0u : kHasNormals) | (data.uvs.empty() ? 0u : kHasUvs);
+  segment.flags = (data.normals.empty() ? 0u : kHasNormals) | (data.uvs.empty() ? 0u : kHasUvs) |
+                  (data.faces.empty() ? 0u : kHasFaces);
   const Columns at = columns_from(end, segment.face_count, segment.vertex_count, segment.flags);
   segment.indices_offset = static_cast<uint32_t>(at.indices);
   segment.positions_offset = static_cast<uint32_t>(at.positions);
   segment.normals_offset = static_cast<uint32_t>(at.normals);
   segment.uvs_offset = static_cast<uint32_t>(at.uvs);
+  segment.faces_offset = static_cast<uint32_t>(at.faces);
   end = at.end;
   return segment;
 }
@@ -96,6 +102,7 @@ void check_input(std::span<const AttributeSegmentData> segments) {
     SPILLWAY_CHECK(data.first_prim, ==, segments[0].first_prim + static_cast<uint32_t>(faces));
     if (!data.normals.empty()) SPILLWAY_CHECK(data.normals.size(), ==, data.positions.size());
     if (!data.uvs.empty()) SPILLWAY_CHECK(data.uvs.size(), ==, data.positions.size());
+    if (!data.faces.empty()) SPILLWAY_CHECK(data.faces.size(), ==, data.indices.size() / 3);
     faces += data.indices.size() / 3;
   }
   SPILLWAY_CHECK(faces, <=, size_t{kMaxFacesPerAttributeBlock});
@@ -131,11 +138,11 @@ Status validate_layout(const AttributeSegment& segment, uint64_t& end, uint64_t 
                        size_t index) {
   const Columns at = columns_from(end, segment.face_count, segment.vertex_count, segment.flags);
   if (segment.vertex_count == 0 || segment.vertex_count > kMaxVerticesPerAttributeSegment ||
-      segment.face_count > kMaxFacesPerAttributeBlock || (segment.flags & ~(kHasNormals | kHasUvs)) != 0 ||
-      segment.reserved != 0)
+      segment.face_count > kMaxFacesPerAttributeBlock || (segment.flags & ~(kHasNormals | kHasUvs | kHasFaces)) != 0)
     return error("{}: segment {} has impossible counts or flags; pack the scene again", where, index);
   if (segment.indices_offset != at.indices || segment.positions_offset != at.positions ||
-      segment.normals_offset != at.normals || segment.uvs_offset != at.uvs || at.end > block_bytes)
+      segment.normals_offset != at.normals || segment.uvs_offset != at.uvs || segment.faces_offset != at.faces ||
+      at.end > block_bytes)
     return error("{}: segment {} has columns at wrong places; pack the scene again", where, index);
   end = at.end;
   return {};
@@ -153,6 +160,11 @@ Status validate_columns(std::span<const std::byte> block, const AttributeSegment
       ((segment.flags & kHasNormals) && !all_finite(column<float>(block, segment.normals_offset), 3 * vertices)) ||
       ((segment.flags & kHasUvs) && !all_finite(column<float>(block, segment.uvs_offset), 2 * vertices)))
     return error("{}: segment {} has a value that is not finite; pack the scene again", where, index);
+  if (!(segment.flags & kHasFaces)) return {};
+  const auto* faces = column<FaceOfTriangle>(block, segment.faces_offset);
+  for (uint32_t f = 0; f < segment.face_count; ++f)
+    if (faces[f].corners >= 2 * kWholeFace || !all_finite(faces[f].fourth, 2))
+      return error("{}: segment {}, face {}: is no part of a face texture; pack the scene again", where, index, f);
   return {};
 }
 
@@ -178,6 +190,7 @@ Buffer<std::byte> build_attribute_block(std::span<const AttributeSegmentData> se
     put_column(block, table[i].positions_offset, segments[i].positions);
     put_column(block, table[i].normals_offset, segments[i].normals);
     put_column(block, table[i].uvs_offset, segments[i].uvs);
+    put_column(block, table[i].faces_offset, segments[i].faces);
   }
   put_column(block, sizeof header, table);
   std::memcpy(block.data(), &header, sizeof header);
@@ -240,6 +253,8 @@ TriangleAttributes triangle_attributes(const TrianglePlace& place) {
   triangle.mesh = MeshId{segment.mesh};
   triangle.has_normals = (segment.flags & kHasNormals) != 0;
   triangle.has_uvs = (segment.flags & kHasUvs) != 0;
+  triangle.has_face = (segment.flags & kHasFaces) != 0;
+  if (triangle.has_face) triangle.face = column<FaceOfTriangle>(place.block, segment.faces_offset)[place.face];
   for (int k = 0; k < 3; ++k) {
     triangle.position_object[k] = column<Float3>(place.block, segment.positions_offset)[index[k]];
     if (triangle.has_normals) triangle.normal_object[k] = column<Float3>(place.block, segment.normals_offset)[index[k]];

@@ -14,6 +14,7 @@
 //     Float3 position_object[vertex_count]
 //     Float3 normal_object[vertex_count]   only with kHasNormals
 //     Float2 uv[vertex_count]              only with kHasUvs
+//     FaceOfTriangle faces[face_count]     only with kHasFaces
 // There is one layout for given contents, so that a reader can refuse every other.
 
 #include <cstdint>
@@ -46,7 +47,19 @@ struct AttributeBlockHeader {
 };
 static_assert(sizeof(AttributeBlockHeader) == 40);
 
-enum AttributeSegmentFlag : uint32_t { kHasNormals = 1, kHasUvs = 2 };
+enum AttributeSegmentFlag : uint32_t { kHasNormals = 1, kHasUvs = 2, kHasFaces = 4 };
+
+// Which part of a face of a face texture a triangle is.
+struct FaceOfTriangle {
+  uint32_t face;
+  // The face's corners that the triangle's are: two bits each, the first lowest; and kWholeFace where the face is a
+  // triangle.
+  uint32_t corners;
+  float fourth[2];  // a quad's other corner, in the plane: p0 + fourth[0] (p1 - p0) + fourth[1] (p2 - p0)
+};
+static_assert(sizeof(FaceOfTriangle) == 16);
+inline constexpr uint32_t kWholeFace = 64;
+[[nodiscard]] constexpr uint32_t face_corners(uint32_t a, uint32_t b, uint32_t c) { return a | b << 2 | c << 4; }
 
 struct AttributeSegment {
   uint32_t mesh;
@@ -58,7 +71,7 @@ struct AttributeSegment {
   uint32_t positions_offset;
   uint32_t normals_offset;
   uint32_t uvs_offset;
-  uint32_t reserved;
+  uint32_t faces_offset;
 };
 static_assert(sizeof(AttributeSegment) == 40);
 
@@ -69,6 +82,7 @@ struct AttributeSegmentData {
   std::vector<uint16_t> indices;  // three a face
   std::vector<Float3> positions, normals;
   std::vector<Float2> uvs;
+  std::vector<FaceOfTriangle> faces;  // one a face
 };
 
 // The bytes of a block. Segments by ascending prim, dense; at most kMaxFacesPerAttributeBlock faces in all.
@@ -79,8 +93,10 @@ struct TriangleAttributes {
   MeshId mesh;
   bool has_normals = false;
   bool has_uvs = false;
+  bool has_face = false;
   Float3 position_object[3] = {};
   Float3 normal_object[3] = {};
+  FaceOfTriangle face = {};
   Float2 uv[3] = {};  // (0,0), (1,0), (1,1)-style defaults are the caller's business when has_uvs is false
 };
 

@@ -96,6 +96,18 @@ TexelIndex triangle_texel(FacePlace place, int size) {
   return {size - 1 - j, size - 1 - i};
 }
 
+bool is_regular_corner(std::span<const FaceInfo> faces, uint32_t face, uint32_t corner) {
+  uint32_t at = face, edge = corner;
+  for (int count = 1; count <= 4; ++count) {
+    const Neighbour next = neighbour_across(faces, at, edge, false);
+    if (!next.exists()) return false;
+    if (faces[at].is_subface() && next.part == 0) return true;
+    at = next.face, edge = (next.edge + 1) % 4;
+    if (at == face && edge == corner) return count == 4;
+  }
+  return false;
+}
+
 uint32_t first_inconsistent_edge(std::span<const FaceInfo> faces, FaceShape shape, uint32_t face) {
   const FaceInfo& from = faces[face];
   for (uint32_t edge = 0; edge < edge_count(shape); ++edge) {

@@ -77,6 +77,10 @@ struct TexelIndex {
 };
 [[nodiscard]] TexelIndex triangle_texel(FacePlace place, int size);
 
+// Whether four quads meet at a corner of one, so that the one across it can be told; or two subfaces do in the middle
+// of a whole face's edge.
+[[nodiscard]] bool is_regular_corner(std::span<const FaceInfo> faces, uint32_t face, uint32_t corner);
+
 // Whether a face names neighbours that name it: kNoFace, or the first edge that does not.
 [[nodiscard]] uint32_t first_inconsistent_edge(std::span<const FaceInfo> faces, FaceShape shape, uint32_t face);
 

@@ -1,51 +1,41 @@
 #include "cache/texture_cache.h"
 
-#include <OpenImageIO/imagecache.h>
 #include <tbb/enumerable_thread_specific.h>
 
 #include <algorithm>
 #include <array>
-#include <atomic>
 #include <bit>
 #include <cmath>
-#include <mutex>
+#include <cstring>
+#include <map>
 
 #include "cache/base/memory.h"
 
 namespace spillway::cache {
 namespace {
 
-// Measured beside OpenImageIO's own limit: what it keeps of a file for ever, and of an open handle.
-constexpr uint64_t kBytesPerFile = 20 << 10, kBytesPerHandle = 1 << 20;
-constexpr int kOpenHandles = 64;
+// Measured beside OpenImageIO's own limit: what it keeps of a file for ever, of an open handle, and of a subimage.
+constexpr uint64_t kBytesPerFile = 20 << 10, kBytesPerHandle = 1 << 20, kBytesPerSubimage = 4 << 10;
+constexpr uint64_t kMostStagedBytes = 16 << 20;
 
-// Tiles a thread keeps at hand: more than a block's neighbours touch, little against any budget.
-constexpr size_t kHeldTiles = 64;
-
-uint64_t tile_bytes(const ImageInfo& image) { return uint64_t{kTileSize} * kTileSize * image.channels * image.texel_bytes; }
+uint64_t tile_bytes(const ImageInfo& image) {
+  return uint64_t{kTileSize} * kTileSize * image.channels * image.texel_bytes;
+}
 uint32_t tiles_across(uint32_t size) { return (size + kTileSize - 1) / kTileSize; }
 uint64_t tiles_of_level(const ImageInfo& image, uint32_t level) {
   return uint64_t{tiles_across(level_size(image.width, level))} * tiles_across(level_size(image.height, level));
-}
-
-uint64_t overhead_bytes(size_t image_count) {
-  return image_count * kBytesPerFile + std::min<size_t>(image_count, kOpenHandles) * kBytesPerHandle;
-}
-
-// log2 of x > 0, exact at powers of two and linear between: within 0.09 of a level, and the same on every machine.
-float level_of(float x) {
-  const auto bits = std::bit_cast<uint32_t>(x);
-  const auto exponent = static_cast<float>(static_cast<int>(bits >> 23) - 127);
-  return exponent + (std::bit_cast<float>((bits & 0x7fffff) | 0x3f800000) - 1);
 }
 
 // Where a texel index lands; -1: outside, black.
 int wrapped(int i, int size, WrapMode wrap) {
   if (static_cast<uint32_t>(i) < static_cast<uint32_t>(size)) return i;
   switch (wrap) {
-    case WrapMode::repeat: return ((i % size) + size) % size;
-    case WrapMode::clamp: return std::clamp(i, 0, size - 1);
-    case WrapMode::black: return -1;
+    case WrapMode::repeat:
+      return ((i % size) + size) % size;
+    case WrapMode::clamp:
+      return std::clamp(i, 0, size - 1);
+    case WrapMode::black:
+      return -1;
   }
   return -1;
 }
@@ -64,12 +54,20 @@ const Tables& tables() {
   return t;
 }
 
+// Beside tiles: what the library holds, and tables of ours (24 bytes a face, 21 a tile with what it counts).
+uint64_t overhead_bytes(size_t image_count, std::span<const FaceContainerInfo> containers) {
+  uint64_t bytes =
+      image_count * kBytesPerFile + std::min<size_t>(image_count, TileCache::kOpenHandles) * kBytesPerHandle;
+  for (const FaceContainerInfo& c : containers)
+    bytes += kBytesPerFile + c.image_count * kBytesPerSubimage + c.face_count * 24 + c.tile_count * 21;
+  return bytes;
+}
+
 struct Image {
   ImageInfo info;
-  std::string path;
-  OIIO::ImageCache::ImageHandle* handle = nullptr;
-  std::vector<uint64_t> level_first_tile;  // in the scene-wide numbering of tiles
-  const float* decode[4] = {};  // of each channel of eight bits
+  TileFile tiles;
+  std::vector<uint64_t> level_first_tile;  // in the cache's numbering
+  const float* decode[4] = {};             // of each channel of eight bits
 };
 
 // Alpha is never encoded.
@@ -81,30 +79,34 @@ void choose_decoding(Image& image) {
   }
 }
 
-// A tile that a thread keeps at hand.
-struct HeldTile {
-  uint64_t number = UINT64_MAX;
-  OIIO::ImageCache::Tile* tile = nullptr;
-  const std::byte* pixels = nullptr;
+// A file of face textures, open.
+struct Container {
+  std::unique_ptr<FaceTexSource> source;
+  std::unique_ptr<FaceTexDecoder> decoder;
+  TileFile tiles;
 };
 
-struct ThreadTiles {
-  OIIO::ImageCache* cache = nullptr;
-  OIIO::ImageCache::Perthread* perthread = nullptr;
-  std::array<HeldTile, kHeldTiles> held;
-  uint64_t lookups = 0;
-
-  ThreadTiles() = default;
-  ThreadTiles(const ThreadTiles&) = delete;
-  ThreadTiles& operator=(const ThreadTiles&) = delete;
-  ThreadTiles(ThreadTiles&&) = delete;
-  ~ThreadTiles() {
-    for (HeldTile& h : held)
-      if (h.tile) cache->release_tile(h.tile);
+// Grey goes to all colours, a missing alpha is one.
+Texel spread(const float* sum, uint32_t channels) {
+  switch (channels) {
+    case 1:
+      return {{sum[0], sum[0], sum[0], 1}};
+    case 2:
+      return {{sum[0], sum[0], sum[0], sum[1]}};
+    case 3:
+      return {{sum[0], sum[1], sum[2], 1}};
+    default:
+      return {{sum[0], sum[1], sum[2], sum[3]}};
   }
-};
+}
 
 }  // namespace
+
+float approximate_log2(float x) {
+  const auto bits = std::bit_cast<uint32_t>(x);
+  const auto exponent = static_cast<float>(static_cast<int>(bits >> 23) - 127);
+  return exponent + (std::bit_cast<float>((bits & 0x7fffff) | 0x3f800000) - 1);
+}
 
 float linear_from_srgb(float e) {
   return e <= 0.04045f ? e / 12.92f : static_cast<float>(std::pow((static_cast<double>(e) + 0.055) / 1.055, 2.4));
@@ -113,80 +115,35 @@ float srgb_from_linear(float l) {
   return l <= 0.0031308f ? l * 12.92f : static_cast<float>(1.055 * std::pow(static_cast<double>(l), 1 / 2.4) - 0.055);
 }
 
-namespace {
-
-// One cache for the life of the process. The library keeps what a thread knows of a cache under the cache's address: one
-// that is made where another was destroyed finds the dead one's files in threads that served both, and aborts on its own
-// assertion about memory in use.
-OIIO::ImageCache& process_cache() {
-  static OIIO::ImageCache* const cache = [] {
-    OIIO::ImageCache* const made = OIIO::ImageCache::create(false);
-    made->attribute("max_open_files", kOpenHandles);
-    made->attribute("autotile", 0);
-    made->attribute("automip", 0);
-    made->attribute("forcefloat", 0);
-    return made;
-  }();
-  return *cache;
-}
-
-// Counts since the process began.
-struct LibraryCounts {
-  uint64_t tiles_created = 0, bytes_read = 0;
-};
-LibraryCounts library_counts() {
-  int created = 0;
-  long long bytes = 0;
-  process_cache().getattribute("stat:tiles_created", OIIO::TypeInt, &created);
-  process_cache().getattribute("stat:bytes_read", OIIO::TypeDesc::INT64, &bytes);
-  return {static_cast<uint64_t>(created), static_cast<uint64_t>(bytes)};
-}
-
-}  // namespace
-
 struct TextureCache::State {
-  OIIO::ImageCache* const cache = &process_cache();
-  LibraryCounts counts_before = library_counts();
+  explicit State(uint64_t tile_limit_bytes) : cache(tile_limit_bytes) {}
+
+  TileCache cache;
   std::vector<Image> images;
-  std::unique_ptr<std::atomic<uint64_t>[]> touched;  // a bit a tile of the scene
-  uint64_t tile_count = 0;
-  std::atomic<uint64_t> tiles_touched{0}, unique_bytes{0};
-  tbb::enumerable_thread_specific<ThreadTiles> threads;
+  std::vector<Container> containers;  // after the cache: closed before what they read through
+  std::vector<FaceTexture> faces;
+  tbb::enumerable_thread_specific<std::unique_ptr<TileThread>> threads;
+  std::vector<TextureCounters> staged;  // bytes read ahead, by owner
+  uint64_t stage_limit_bytes = 0, overhead = 0;
+  mutable uint64_t most_wave_bytes = 0;
   MemoryClaim claim;
 
-  ~State() {
-    threads.clear();
-    for (const Image& image : images) cache->invalidate(OIIO::ustring(image.path), true);
-  }
+  ~State() { threads.clear(); }
 
-  void touch(uint64_t number, const ImageInfo& image) {
-    const uint64_t bit = uint64_t{1} << (number % 64);
-    if (touched[number / 64].fetch_or(bit) & bit) return;
-    ++tiles_touched;
-    unique_bytes += tile_bytes(image);
+  TileThread& thread() {
+    auto& own = threads.local();
+    if (!own) own = cache.make_thread();
+    own->begin_block();
+    return *own;
   }
 
   // The tile that holds texel (x, y) of a level; null when it cannot be read.
-  const std::byte* tile(ThreadTiles& thread, const Image& image, uint32_t level, int x, int y) {
+  const std::byte* tile(TileThread& thread, uint32_t index, uint32_t level, int x, int y) {
+    const Image& image = images[index];
     const uint32_t across = tiles_across(level_size(image.info.width, level));
     const uint64_t number = image.level_first_tile[level] + uint64_t{static_cast<uint32_t>(y) / kTileSize} * across +
                             static_cast<uint32_t>(x) / kTileSize;
-    HeldTile& held = thread.held[number % kHeldTiles];
-    if (held.number == number) return held.pixels;
-    if (held.tile) cache->release_tile(held.tile);
-    held = {};
-    OIIO::ImageCache::Tile* const tile =
-        cache->get_tile(image.handle, thread.perthread, 0, static_cast<int>(level), x, y, 0);
-    if (tile == nullptr) return nullptr;
-    OIIO::TypeDesc format;
-    const void* pixels = cache->tile_pixels(tile, format);
-    if (pixels == nullptr) {
-      cache->release_tile(tile);
-      return nullptr;
-    }
-    held = {number, tile, static_cast<const std::byte*>(pixels)};
-    touch(number, image.info);
-    return held.pixels;
+    return thread.tile(image.tiles, 0, level, static_cast<uint32_t>(x), static_cast<uint32_t>(y), number, index);
   }
 
   // Adds weight * texel to sum.
@@ -209,12 +166,13 @@ struct TextureCache::State {
   }
 
   // The same wherever the image goes on; false when the tile cannot be read.
-  bool add_wrapped(ThreadTiles& thread, const Image& image, uint32_t level, int x, int y, WrapMode wrap, float weight,
+  bool add_wrapped(TileThread& thread, uint32_t index, uint32_t level, int x, int y, WrapMode wrap, float weight,
                    float* sum) {
+    const Image& image = images[index];
     x = wrapped(x, static_cast<int>(level_size(image.info.width, level)), wrap);
     y = wrapped(y, static_cast<int>(level_size(image.info.height, level)), wrap);
     if (x < 0 || y < 0) return true;
-    const std::byte* pixels = tile(thread, image, level, x, y);
+    const std::byte* pixels = tile(thread, index, level, x, y);
     if (pixels == nullptr) return false;
     add_texel(image, pixels, place_in_tile(image, x, y), weight, sum);
     return true;
@@ -227,15 +185,16 @@ struct TextureCache::State {
            static_cast<uint32_t>(x) % kTileSize != kTileSize - 1 && static_cast<uint32_t>(y) % kTileSize != kTileSize - 1;
   }
 
-  bool bilinear(ThreadTiles& thread, const Image& image, uint32_t level, const TextureRequest& r, float weight,
+  bool bilinear(TileThread& thread, uint32_t index, uint32_t level, const TextureRequest& r, float weight,
                 float* sum) {
     const float u = r.wrap == WrapMode::repeat ? r.u - std::floor(r.u) : r.u;
     const float v = r.wrap == WrapMode::repeat ? r.v - std::floor(r.v) : r.v;
+    const Image& image = images[index];
     // Far outside, clamped and black images repeat their border: keep the conversion to int in range.
     const float x = std::clamp(u, -4.0f, 5.0f) * static_cast<float>(level_size(image.info.width, level)) - 0.5f;
     const float y = std::clamp(1 - v, -4.0f, 5.0f) * static_cast<float>(level_size(image.info.height, level)) - 0.5f;
     if (r.filter == TexelFilter::point)
-      return add_wrapped(thread, image, level, static_cast<int>(std::floor(x + 0.5f)),
+      return add_wrapped(thread, index, level, static_cast<int>(std::floor(x + 0.5f)),
                          static_cast<int>(std::floor(y + 0.5f)), r.wrap, weight, sum);
     const float floor_x = std::floor(x), floor_y = std::floor(y);
     const float fx = x - floor_x, fy = y - floor_y;
@@ -243,10 +202,10 @@ struct TextureCache::State {
     const float w[4] = {weight * (1 - fx) * (1 - fy), weight * fx * (1 - fy), weight * (1 - fx) * fy, weight * fx * fy};
     if (!is_in_one_tile(image, level, ix, iy)) {
       for (int i = 0; i < 4; ++i)
-        if (!add_wrapped(thread, image, level, ix + (i & 1), iy + (i >> 1), r.wrap, w[i], sum)) return false;
+        if (!add_wrapped(thread, index, level, ix + (i & 1), iy + (i >> 1), r.wrap, w[i], sum)) return false;
       return true;
     }
-    const std::byte* pixels = tile(thread, image, level, ix, iy);
+    const std::byte* pixels = tile(thread, index, level, ix, iy);
     if (pixels == nullptr) return false;
     const uint32_t at = place_in_tile(image, ix, iy), right = image.info.channels, below = kTileSize * right;
     for (uint32_t i = 0; i < 4; ++i) add_texel(image, pixels, at + (i & 1) * right + (i >> 1) * below, w[i], sum);
@@ -254,101 +213,194 @@ struct TextureCache::State {
   }
 
   // Levels as pbrt-v4 section 10.4.3 chooses them, the footprint measured along the longer axis.
-  bool look_up(ThreadTiles& thread, const TextureRequest& r, float* sum) {
+  bool look_up(TileThread& thread, const TextureRequest& r, float* sum) {
     const Image& image = images[r.image];
     const float texels = r.width_uv * static_cast<float>(std::max(image.info.width, image.info.height));
     const float coarsest = static_cast<float>(image.info.levels - 1);
-    const float level = texels > 1 ? std::min(level_of(texels), coarsest) : 0;
+    const float level = texels > 1 ? std::min(approximate_log2(texels), coarsest) : 0;
     const auto fine = static_cast<uint32_t>(level);
     const float blend = level - static_cast<float>(fine);
-    if (r.filter != TexelFilter::trilinear || blend == 0) return bilinear(thread, image, fine, r, 1, sum);
-    return bilinear(thread, image, fine, r, 1 - blend, sum) && bilinear(thread, image, fine + 1, r, blend, sum);
+    if (r.filter != TexelFilter::trilinear || blend == 0) return bilinear(thread, r.image, fine, r, 1, sum);
+    return bilinear(thread, r.image, fine, r, 1 - blend, sum) && bilinear(thread, r.image, fine + 1, r, blend, sum);
   }
 };
-
-namespace {
-
-// Grey goes to all colours, a missing alpha is one.
-Texel spread(const float* sum, uint32_t channels) {
-  switch (channels) {
-    case 1: return {{sum[0], sum[0], sum[0], 1}};
-    case 2: return {{sum[0], sum[0], sum[0], sum[1]}};
-    case 3: return {{sum[0], sum[1], sum[2], 1}};
-    default: return {{sum[0], sum[1], sum[2], sum[3]}};
-  }
-}
-
-}  // namespace
 
 TextureCache::TextureCache(std::unique_ptr<State> state) : state_(std::move(state)) {}
 TextureCache::~TextureCache() = default;
 
-uint64_t TextureCache::bytes_for_all(std::span<const ImageInfo> images) {
-  uint64_t bytes = images.empty() ? 0 : overhead_bytes(images.size());
+uint64_t TextureCache::bytes_for_all(std::span<const ImageInfo> images, std::span<const FaceContainerInfo> containers) {
+  uint64_t bytes = images.empty() && containers.empty() ? 0 : overhead_bytes(images.size(), containers);
   for (const ImageInfo& image : images)
     for (uint32_t level = 0; level < image.levels; ++level) bytes += tiles_of_level(image, level) * tile_bytes(image);
-  return bytes;
+  uint64_t face_bytes = 0;
+  for (const FaceContainerInfo& c : containers) face_bytes += c.tile_count * c.tile_bytes;
+  // An eighth of the limit is for what is read ahead.
+  return bytes + face_bytes + std::min(kMostStagedBytes, (bytes + face_bytes) / 7) * (containers.empty() ? 0 : 1);
 }
 
+namespace {
+
+Status open_container(const std::filesystem::path& path, const FaceContainerInfo& info, bool direct,
+                      Container& container) {
+  FaceTexFile::Options options;
+  options.direct = direct;
+  SPILLWAY_ASSIGN(container.source, FaceTexSource::open(path, options));
+  const FaceTexFile& file = container.source->file();
+  if (file.tiles().size() != info.tile_count || file.format().tile_bytes() != info.tile_bytes ||
+      file.images().size() != info.image_count)
+    return error("{}: are not the face textures the manifest describes; pack the scene again", path.string());
+  container.decoder = std::make_unique<FaceTexDecoder>(file.format());
+  return {};
+}
+
+}  // namespace
+
 Result<std::unique_ptr<TextureCache>> TextureCache::open(const std::filesystem::path& textures_directory,
-                                                         std::span<const ImageInfo> images, Options options) {
-  auto state = std::make_unique<State>();
-  const uint64_t overhead = overhead_bytes(images.size());
-  const uint64_t tiles = options.memory_limit_bytes > overhead + (1 << 20) ? options.memory_limit_bytes - overhead : 1 << 20;
-  state->cache->attribute("max_memory_MB", static_cast<float>(static_cast<double>(tiles) / (1 << 20)));
+                                                         std::span<const ImageInfo> images, Options options,
+                                                         std::span<const FaceContainerInfo> containers,
+                                                         std::span<const FaceTextureInfo> face_textures) {
+  const uint64_t staged = containers.empty() ? 0 : std::min(options.memory_limit_bytes / 8, kMostStagedBytes);
+  const uint64_t beside = overhead_bytes(images.size(), containers) + staged;
+  const uint64_t tiles =
+      options.memory_limit_bytes > beside + (1 << 20) ? options.memory_limit_bytes - beside : 1 << 20;
+  auto state = std::make_unique<State>(tiles);
+  state->stage_limit_bytes = staged, state->overhead = beside;
+  uint64_t next_tile = 0;
   for (const ImageInfo& info : images) {
-    Image image{info, (textures_directory / info.file_name).string(), nullptr, {}, {}};
+    Image image{info, {}, {}, {}};
     choose_decoding(image);
-    image.handle = state->cache->get_image_handle(OIIO::ustring(image.path));
-    OIIO::ImageSpec spec;
-    if (image.handle == nullptr || !state->cache->get_imagespec(image.handle, nullptr, spec))
-      return error("{}: the packed image cannot be opened: {}; pack the scene again", image.path,
-                   state->cache->geterror());
-    const bool same = spec.width == static_cast<int>(info.width) && spec.height == static_cast<int>(info.height) &&
-                      spec.nchannels == static_cast<int>(info.channels) && spec.tile_width == static_cast<int>(kTileSize) &&
-                      spec.tile_height == static_cast<int>(kTileSize) &&
-                      spec.format.size() == info.texel_bytes;
-    if (!same) return error("{}: is not the image the manifest describes; pack the scene again", image.path);
     for (uint32_t level = 0; level < info.levels; ++level) {
-      image.level_first_tile.push_back(state->tile_count);
-      state->tile_count += tiles_of_level(info, level);
+      image.level_first_tile.push_back(next_tile);
+      next_tile += tiles_of_level(info, level);
     }
+    const uint64_t count = image.level_first_tile.empty() ? 0 : next_tile - image.level_first_tile.front();
+    SPILLWAY_ASSIGN(image.tiles,
+                    state->cache.add_image((textures_directory / info.file_name).string(),
+                                           {info.width, info.height, info.channels, info.texel_bytes}, count));
     state->images.push_back(std::move(image));
   }
-  state->touched = std::make_unique<std::atomic<uint64_t>[]>(state->tile_count / 64 + 1);
-  state->claim = MemoryClaim(MemoryTag::textures, std::min(options.memory_limit_bytes, bytes_for_all(images)));
+  uint64_t tables = 0;
+  for (const FaceContainerInfo& info : containers) {
+    Container& container = state->containers.emplace_back();
+    SPILLWAY_TRY(open_container(textures_directory / info.file_name, info, options.direct, container));
+    SPILLWAY_ASSIGN(container.tiles, state->cache.add_face_tex(*container.source));
+    tables += container.source->file().tables_bytes() + info.tile_count * 5;
+  }
+  for (const FaceTextureInfo& info : face_textures) {
+    const Container& container = state->containers[info.container];
+    const FaceTexFile& file = container.source->file();
+    if (info.texture >= file.textures().size() || file.textures()[info.texture].face_count != info.face_count ||
+        file.textures()[info.texture].shape != info.shape)
+      return error("{}: texture {} is not the one the manifest describes; pack the scene again", file.path().string(),
+                   info.texture);
+    const FaceTexTexture& texture = file.textures()[info.texture];
+    state->faces.push_back({&file, &texture, file.faces(texture), file.numbers(texture), container.decoder.get(),
+                            &container.tiles, static_cast<uint32_t>(images.size() + state->faces.size())});
+  }
+  const auto owners = static_cast<uint32_t>(images.size() + face_textures.size());
+  state->cache.begin(owners);
+  state->staged.resize(owners);
+  const uint64_t claimed = std::min(options.memory_limit_bytes, bytes_for_all(images, containers));
+  const uint64_t counted = tables + staged;  // in buffers, which count for themselves
+  state->claim = MemoryClaim(MemoryTag::textures, claimed > counted ? claimed - counted : 0);
   return std::unique_ptr<TextureCache>(new TextureCache(std::move(state)));
 }
 
 Status TextureCache::look_up(std::span<const TextureRequest> requests, std::span<Texel> values) {
   State& s = *state_;
-  ThreadTiles& thread = s.threads.local();
-  if (thread.cache == nullptr) {
-    thread.cache = s.cache;
-    thread.perthread = s.cache->get_perthread_info();
-  }
-  thread.lookups += requests.size();
+  TileThread& thread = s.thread();
   for (size_t i = 0; i < requests.size(); ++i) {
     float sum[4] = {0, 0, 0, 0};
+    ++thread.counters[requests[i].image].lookups;
     if (!s.look_up(thread, requests[i], sum))
-      return error("{}: a tile cannot be read: {}; pack the scene again", s.images[requests[i].image].path,
-                   s.cache->geterror());
+      return error("{}: a tile cannot be read: {}; pack the scene again", s.images[requests[i].image].tiles.path,
+                   s.cache.failure());
     values[i] = spread(sum, s.images[requests[i].image].info.channels);
   }
   return {};
 }
 
+// ---- face textures ----
+
+bool TextureCache::has_face_textures() const { return !state_->faces.empty(); }
+
+Status TextureCache::look_up_faces(std::span<const FaceTextureRequest> requests, std::span<Texel> values) {
+  State& s = *state_;
+  TileThread& thread = s.thread();
+  for (size_t i = 0; i < requests.size(); ++i) {
+    const FaceTexture& texture = s.faces[requests[i].texture];
+    if (requests[i].face >= texture.faces.size())
+      return error("{}: face {} of {} is asked for; pack the scene again", texture.tiles->path, requests[i].face, texture.faces.size());
+    float sum[4] = {0, 0, 0, 0};
+    ++thread.counters[texture.owner].lookups;
+    if (!look_up_face(thread, texture, requests[i], sum))
+      return error("{}: a tile cannot be read: {}; pack the scene again", texture.tiles->path, s.cache.failure());
+    values[i] = spread(sum, texture.file->format().channels);
+  }
+  return {};
+}
+
+Status TextureCache::stage_faces(std::span<const FaceTextureRequest> requests) {
+  State& s = *state_;
+  s.cache.is_full();
+  struct Wanted {
+    uint64_t tile;
+    uint32_t owner;
+  };
+  std::map<const FaceTexFile*, std::vector<Wanted>> wanted;
+  std::vector<uint64_t> tiles;
+  for (const FaceTextureRequest& request : requests) {
+    const FaceTexture& texture = s.faces[request.texture];
+    tiles.clear();
+    if (request.face >= texture.faces.size()) continue;  // look_up_faces refuses it
+    append_face_tiles(texture, request, tiles);
+    std::vector<Wanted>& of_file = wanted[texture.file];
+    for (const uint64_t tile : tiles)
+      if ((of_file.empty() || of_file.back().tile != tile) &&
+          !s.cache.probably_holds(texture.tiles->first_tile + tile, texture.tiles->tile_bytes))
+        of_file.push_back({tile, texture.owner});
+  }
+  for (Container& container : s.containers) {
+    std::vector<Wanted>& of_file = wanted[&container.source->file()];
+    std::stable_sort(of_file.begin(), of_file.end(), [](const Wanted& a, const Wanted& b) { return a.tile < b.tile; });
+    const auto same = [](const Wanted& a, const Wanted& b) { return a.tile == b.tile; };
+    of_file.erase(std::unique(of_file.begin(), of_file.end(), same), of_file.end());
+    tiles.clear();
+    for (const Wanted& w : of_file) tiles.push_back(w.tile);
+    SPILLWAY_ASSIGN(const size_t count, container.source->stage(tiles, s.stage_limit_bytes / s.containers.size()));
+    for (size_t i = 0; i < count; ++i)
+      s.staged[of_file[i].owner].bytes_read += container.source->file().tiles()[of_file[i].tile].size_bytes;
+  }
+  return {};
+}
+
+// ---- counters ----
+
+void TextureCache::begin_wave() {
+  (void)limit_for_waves();
+  for (auto& thread : state_->threads)
+    if (thread)
+      for (TextureCounters& c : thread->counters) c.wave_decoded_bytes = 0;
+  state_->cache.begin_wave();
+}
+
+std::vector<TextureCounters> TextureCache::counters_by_texture() const {
+  std::vector<TextureCounters> sum = state_->staged;
+  for (const auto& thread : state_->threads)
+    if (thread)
+      for (size_t i = 0; i < sum.size(); ++i) sum[i] += thread->counters[i];
+  return sum;
+}
+
 TextureCounters TextureCache::counters() const {
-  const State& s = *state_;
-  TextureCounters c;
-  for (const ThreadTiles& thread : s.threads) c.lookups += thread.lookups;
-  c.tiles_touched = s.tiles_touched;
-  c.unique_bytes = s.unique_bytes;
-  const LibraryCounts now = library_counts();
-  c.tiles_read = now.tiles_created - s.counts_before.tiles_created;
-  c.tiles_read_again = c.tiles_read > c.tiles_touched ? c.tiles_read - c.tiles_touched : 0;
-  c.bytes_read = now.bytes_read - s.counts_before.bytes_read;
-  return c;
+  TextureCounters sum;
+  for (const TextureCounters& c : counters_by_texture()) sum += c;
+  return sum;
+}
+
+uint64_t TextureCache::limit_for_waves() const {
+  state_->most_wave_bytes = std::max(state_->most_wave_bytes, counters().wave_decoded_bytes);
+  return state_->overhead + state_->most_wave_bytes;
 }
 
 }  // namespace spillway::cache

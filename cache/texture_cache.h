@@ -3,8 +3,9 @@
 // Packed images, looked up in blocks through OpenImageIO's tile cache.
 //
 // Owns: its images in the process's one OpenImageIO ImageCache; with two of these at a time the later limit holds.
-// Memory: tag textures, limit Options::memory_limit_bytes, which covers what the library
-// holds beside its tiles (about 20 KiB a file and 1 MiB an open handle).
+// Memory: tag textures, limit Options::memory_limit_bytes, which covers what the library holds beside its tiles (about
+// 20 KiB a file, 1 MiB an open handle of an image and 4 KiB a subimage of face textures), the tables of face textures
+// and an eighth, 16 MiB at most, for what is read ahead.
 // Threads: look_up may be called from any number of threads at once, one block each; no lock of ours is held over I/O.
 // Fails: a missing or damaged image fails open() or look_up() with the file's name; never a black texel instead.
 // Bits: a value depends on the image and the request alone, not on the budget, the block or the thread.
@@ -18,6 +19,7 @@
 #include "cache/base/ids.h"
 #include "cache/base/result.h"
 #include "cache/base/vec.h"
+#include "cache/face_lookup.h"
 
 namespace spillway::cache {
 
@@ -31,14 +33,16 @@ struct ImageInfo {
   uint32_t width, height, channels, levels;
   TexelEncoding encoding;
   uint32_t texel_bytes;  // of one channel: 1 (8 bit) or 4 (float)
-  float mean[4];  // linear, of the finest level
-  uint64_t content;  // checksum of the finest level's texels
+  float mean[4];         // linear, of the finest level
+  uint64_t content;      // checksum of the finest level's texels
 };
 
 inline constexpr uint32_t kTileSize = 64;
 
 // Sizes of a level: halved and rounded down, at least one.
-[[nodiscard]] constexpr uint32_t level_size(uint32_t size, uint32_t level) { return size >> level > 0 ? size >> level : 1; }
+[[nodiscard]] constexpr uint32_t level_size(uint32_t size, uint32_t level) {
+  return size >> level > 0 ? size >> level : 1;
+}
 
 // The sRGB transfer function (IEC 61966-2-1), encoded to linear.
 [[nodiscard]] float linear_from_srgb(float encoded);
@@ -48,33 +52,64 @@ struct TextureRequest {
   uint32_t image;
   WrapMode wrap;
   TexelFilter filter;
-  float u, v;        // v up: image row is (1 - v) * height
-  float width_uv;    // footprint diameter in uv units (of the shorter image axis); 0 asks for the finest level
+  float u, v;      // v up: image row is (1 - v) * height
+  float width_uv;  // footprint diameter in uv units (of the shorter image axis); 0 asks for the finest level
 };
 
 struct Texel {
   float value[4];  // linear; channels missing in the image: grey is spread to rgb, alpha is 1
 };
 
-struct TextureCounters {
-  uint64_t lookups = 0, tiles_touched = 0, tiles_read = 0, tiles_read_again = 0;
-  uint64_t bytes_read = 0, unique_bytes = 0;
+// log2 of x > 0, exact at powers of two and linear between: within 0.09, and the same on every machine.
+[[nodiscard]] float approximate_log2(float x);
+
+// A file of face textures, as the store's manifest holds it.
+struct FaceContainerInfo {
+  char file_name[64];  // inside the store's textures folder
+  uint64_t face_count, tile_count;
+  uint32_t tile_bytes, image_count;
 };
+static_assert(sizeof(FaceContainerInfo) == 88);
+
+// One line a face texture.
+struct FaceTextureInfo {
+  uint32_t container, texture;  // in that file
+  uint32_t face_count;
+  FaceShape shape;
+  uint32_t channels;
+  float mean[4];  // linear
+};
+static_assert(sizeof(FaceTextureInfo) == 36);
 
 class TextureCache {
  public:
   struct Options {
     uint64_t memory_limit_bytes = 256 << 20;  // larger: fewer tiles are read again
+    bool direct = false;                      // face textures bypass the page cache where possible
   };
   static Result<std::unique_ptr<TextureCache>> open(const std::filesystem::path& textures_directory,
-                                                    std::span<const ImageInfo> images, Options options);
+                                                    std::span<const ImageInfo> images, Options options,
+                                                    std::span<const FaceContainerInfo> containers = {},
+                                                    std::span<const FaceTextureInfo> face_textures = {});
   ~TextureCache();
   // What all tiles of all levels take decoded, with what the library holds beside them: a limit that never bites.
-  [[nodiscard]] static uint64_t bytes_for_all(std::span<const ImageInfo> images);
+  [[nodiscard]] static uint64_t bytes_for_all(std::span<const ImageInfo> images,
+                                              std::span<const FaceContainerInfo> containers = {});
 
   // values[i] answers requests[i]. Fastest when neighbours in the block share tiles.
   Status look_up(std::span<const TextureRequest> requests, std::span<Texel> values);
+  Status look_up_faces(std::span<const FaceTextureRequest> requests, std::span<Texel> values);
+  // Reads ahead, compressed, what these lookups need and has probably not been kept. While no thread looks up.
+  Status stage_faces(std::span<const FaceTextureRequest> requests);
+  [[nodiscard]] bool has_face_textures() const;
+
+  // Tiles count anew as touched and read, see TextureCounters. While no thread looks up.
+  void begin_wave();
   [[nodiscard]] TextureCounters counters() const;
+  // Images first, then face textures.
+  [[nodiscard]] std::vector<TextureCounters> counters_by_texture() const;
+  // The limit that would hold all tiles that the most demanding wave so far touched.
+  [[nodiscard]] uint64_t limit_for_waves() const;
 
  private:
   struct State;

@@ -121,11 +121,48 @@ cache::Texel noise_value(const TextureNode& node, const TextureQuery& query) {
 
 bool is_noise(TextureKind kind) { return kind >= TextureKind::fbm; }
 
+// Where a query is on its face. Without a footprint (opacity is asked for so) the finest level answers.
+cache::FaceTextureRequest face_request(const TextureNode& node, const TextureQuery& query) {
+  // A mesh that has none is damaged: the cache refuses the face.
+  static constexpr FacePoint kNone{cache::kNoFace, 0, 0, 0, 0, 0};
+  const FacePoint& at = query.point != nullptr && query.point->face != nullptr ? *query.point->face : kNone;
+  const float width_u = query.width_uv > 0 ? at.width_u : 0, width_v = query.width_uv > 0 ? at.width_v : 0;
+  const auto choice = node.filter == cache::TexelFilter::trilinear ? cache::FaceLevelChoice::trilinear
+                                                                   : cache::FaceLevelChoice::stochastic;
+  return {node.image, at.face, at.u, at.v, width_u, width_v, at.random, choice};
+}
+
 float along_direction(const TextureNode& node, const TextureQuery& query) {
   return std::fabs(dot(query.point->normal_geometric, {node.value[0], node.value[1], node.value[2]}));
 }
 
 }  // namespace
+
+std::vector<uint32_t> face_textures_in(std::span<const TextureNode> nodes, uint32_t texture) {
+  std::vector<uint32_t> found;
+  std::vector<uint32_t> pending{texture};
+  std::vector<bool> seen(texture + 1);
+  while (!pending.empty()) {
+    const uint32_t node = pending.back();
+    pending.pop_back();
+    if (seen[node]) continue;
+    seen[node] = true;
+    if (nodes[node].kind == TextureKind::face) found.push_back(nodes[node].image);
+    for (uint32_t c = 0; c < child_count(nodes[node].kind); ++c) pending.push_back(nodes[node].child[c]);
+  }
+  return found;
+}
+
+std::vector<uint32_t> face_texture_params(const Material& m, std::span<const TextureNode> nodes) {
+  std::vector<uint32_t> found;
+  const uint32_t textures[] = {m.reflectance.texture,   m.transmittance.texture,    m.u_roughness.texture,
+                               m.v_roughness.texture,   m.base_u_roughness.texture, m.base_v_roughness.texture,
+                               m.conductor_eta.texture, m.conductor_k.texture,      m.mix_amount.texture,
+                               m.displacement,          m.normal_map};
+  for (const uint32_t texture : textures)
+    if (texture != TextureId::kNone && !face_textures_in(nodes, texture).empty()) found.push_back(texture);
+  return found;
+}
 
 // Scale first, then inversion, which never goes below zero (pbrt-v4, ImageTexture).
 cache::Texel image_value(const TextureNode& node, cache::Texel texel) {
@@ -143,30 +180,45 @@ cache::Texel image_value(const TextureNode& node, cache::Texel texel) {
 
 Status TextureEvaluator::evaluate(std::span<const TextureQuery> queries, std::span<cache::Texel> values,
                                   Scratch& scratch) const {
-  scratch.requests.clear();
-  for (const TextureQuery& query : queries) collect(query.texture, query, scratch.requests);
+  scratch.requests.clear(), scratch.face_requests.clear();
+  for (const TextureQuery& query : queries) collect(query.texture, query, scratch);
   scratch.texels.resize(scratch.requests.size());
   if (!scratch.requests.empty()) SPILLWAY_TRY(images_->look_up(scratch.requests, scratch.texels));
-  const cache::Texel* next = scratch.texels.data();
+  if (!scratch.face_requests.empty()) {
+    scratch.face_texels.resize(scratch.face_requests.size());
+    SPILLWAY_TRY(images_->look_up_faces(scratch.face_requests, scratch.face_texels));
+  }
+  Texels next{scratch.texels.data(), scratch.face_texels.data()};
   for (size_t i = 0; i < queries.size(); ++i) values[i] = combine(queries[i].texture, queries[i], next);
   return {};
 }
 
 // Image lookups of a node, in the order in which combine() takes their texels.
-void TextureEvaluator::collect(uint32_t node, const TextureQuery& query,
-                               std::vector<cache::TextureRequest>& requests) const {
+void TextureEvaluator::collect(uint32_t node, const TextureQuery& query, Scratch& scratch) const {
   const TextureNode& n = nodes_[node];
   if (n.kind == TextureKind::image) {
     const Mapped at = mapped(n, query);
-    requests.push_back({n.image, n.wrap, n.filter, at.st.x, at.st.y, std::max(at.width.x, at.width.y)});
+    scratch.requests.push_back({n.image, n.wrap, n.filter, at.st.x, at.st.y, std::max(at.width.x, at.width.y)});
   }
-  for (uint32_t c = 0; c < child_count(n.kind); ++c) collect(n.child[c], query, requests);
+  if (n.kind == TextureKind::face) scratch.face_requests.push_back(face_request(n, query));
+  for (uint32_t c = 0; c < child_count(n.kind); ++c) collect(n.child[c], query, scratch);
 }
 
-cache::Texel TextureEvaluator::combine(uint32_t node, const TextureQuery& query, const cache::Texel*& next) const {
+void TextureEvaluator::append_face_requests(const TextureQuery& query,
+                                            std::vector<cache::FaceTextureRequest>& requests) const {
+  const auto visit = [&](const auto& self, uint32_t node) -> void {
+    const TextureNode& n = nodes_[node];
+    if (n.kind == TextureKind::face) requests.push_back(face_request(n, query));
+    for (uint32_t c = 0; c < child_count(n.kind); ++c) self(self, n.child[c]);
+  };
+  visit(visit, query.texture);
+}
+
+cache::Texel TextureEvaluator::combine(uint32_t node, const TextureQuery& query, Texels& next) const {
   const TextureNode& n = nodes_[node];
   if (n.kind == TextureKind::constant) return {{n.value[0], n.value[1], n.value[2], n.value[3]}};
-  if (n.kind == TextureKind::image) return image_value(n, *next++);
+  if (n.kind == TextureKind::image) return image_value(n, *next.image++);
+  if (n.kind == TextureKind::face) return image_value(n, *next.face++);
   if (is_noise(n.kind)) return noise_value(n, query);
   cache::Texel child[4];
   for (uint32_t c = 0; c < child_count(n.kind); ++c) child[c] = combine(n.child[c], query, next);

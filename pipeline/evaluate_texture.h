@@ -26,6 +26,11 @@ struct TextureQuery {
 // What an image node makes of the texel that was looked up.
 [[nodiscard]] cache::Texel image_value(const TextureNode& node, cache::Texel texel);
 
+// The face textures in a graph, as FaceTextureIds.
+[[nodiscard]] std::vector<uint32_t> face_textures_in(std::span<const TextureNode> nodes, uint32_t texture);
+// The textures of a material's own parameters whose graphs have face textures.
+[[nodiscard]] std::vector<uint32_t> face_texture_params(const Material& material, std::span<const TextureNode> nodes);
+
 class TextureEvaluator {
  public:
   // `images` may be null when no node is an image. Nodes have been validated: children before parents.
@@ -34,13 +39,23 @@ class TextureEvaluator {
   // Reused from block to block by one thread.
   struct Scratch {
     std::vector<cache::TextureRequest> requests;
-    std::vector<cache::Texel> texels;
+    std::vector<cache::FaceTextureRequest> face_requests;
+    std::vector<cache::Texel> texels, face_texels;
   };
   Status evaluate(std::span<const TextureQuery> queries, std::span<cache::Texel> values, Scratch& scratch) const;
 
+  // The face textures that evaluate() would look up.
+  void append_face_requests(const TextureQuery& query, std::vector<cache::FaceTextureRequest>& requests) const;
+  [[nodiscard]] cache::TextureCache* images() const { return images_; }
+  [[nodiscard]] std::span<const TextureNode> nodes() const { return nodes_; }
+
  private:
-  void collect(uint32_t node, const TextureQuery& query, std::vector<cache::TextureRequest>& requests) const;
-  cache::Texel combine(uint32_t node, const TextureQuery& query, const cache::Texel*& next) const;
+  // Texels of a block, taken one after the other.
+  struct Texels {
+    const cache::Texel *image, *face;
+  };
+  void collect(uint32_t node, const TextureQuery& query, Scratch& scratch) const;
+  cache::Texel combine(uint32_t node, const TextureQuery& query, Texels& next) const;
 
   std::span<const TextureNode> nodes_;
   cache::TextureCache* images_;

@@ -27,6 +27,7 @@ enum class TextureKind : uint32_t {
   bilerp,
   direction_mix,
   dots,
+  face,
   fbm,
   wrinkled,
   windy,
@@ -48,9 +49,9 @@ struct TextureNode {
   // constant. image: multiplied onto the texel (pbrt's scale). direction_mix: unit direction in the world. fbm,
   // wrinkled: roughness, octaves. marble: roughness, octaves, scale, variation.
   float value[4] = {0, 0, 0, 1};
-  uint32_t image = ImageId::kNone;
+  uint32_t image = ImageId::kNone;  // face: a FaceTextureId
   cache::WrapMode wrap = cache::WrapMode::repeat;
-  cache::TexelFilter filter = cache::TexelFilter::bilinear;
+  cache::TexelFilter filter = cache::TexelFilter::bilinear;  // face: trilinear, or else a level chosen at random
   uint32_t invert = 0;
   uint32_t is_float = 0;  // image: the mean of red, green and blue stands for all three
   TextureMapping mapping = TextureMapping::uv;
@@ -217,7 +218,7 @@ inline constexpr const char* kAttributesFile = "attributes.blocks";
 inline constexpr const char* kVolumesFile = "volumes.bricks";
 inline constexpr const char* kTexturesDirectory = "textures";
 inline constexpr const char* kStoreKind = "SPWSTORE";
-inline constexpr uint32_t kStoreVersion = 9;
+inline constexpr uint32_t kStoreVersion = 11;
 
 // Section names of the manifest. Arrays of the struct named.
 namespace section {
@@ -226,6 +227,8 @@ inline constexpr const char* kMeshes = "meshes";                // Mesh
 inline constexpr const char* kMaterials = "materials";          // Material
 inline constexpr const char* kTextures = "textures";            // TextureNode
 inline constexpr const char* kImages = "images";                // cache::ImageInfo
+inline constexpr const char* kFaceContainers = "face_containers";  // cache::FaceContainerInfo
+inline constexpr const char* kFaceTextures = "face_textures";  // cache::FaceTextureInfo
 inline constexpr const char* kLights = "lights";                // shading::Light
 inline constexpr const char* kLightCdf = "light_cdf";           // float
 inline constexpr const char* kEmitters = "emitters";            // shading::Emitter

@@ -26,6 +26,8 @@ Result<StoreTables> read_tables(const cache::SectionReader& reader) {
   SPILLWAY_TRY(read_table(reader, section::kMaterials, MemoryTag::scene, t.materials));
   SPILLWAY_TRY(read_table(reader, section::kTextures, MemoryTag::scene, t.textures));
   SPILLWAY_TRY(read_table(reader, section::kImages, MemoryTag::scene, t.images));
+  SPILLWAY_TRY(read_table(reader, section::kFaceContainers, MemoryTag::scene, t.face_containers));
+  SPILLWAY_TRY(read_table(reader, section::kFaceTextures, MemoryTag::scene, t.face_textures));
   SPILLWAY_TRY(read_table(reader, section::kLights, MemoryTag::lights, t.lights));
   SPILLWAY_TRY(read_table(reader, section::kLightCdf, MemoryTag::lights, t.light_cdf));
   SPILLWAY_TRY(read_table(reader, section::kEmitters, MemoryTag::lights, t.emitters));

@@ -31,6 +31,8 @@ struct StoreTables {
   Buffer<Material> materials;
   Buffer<TextureNode> textures;
   Buffer<cache::ImageInfo> images;
+  Buffer<cache::FaceContainerInfo> face_containers;
+  Buffer<cache::FaceTextureInfo> face_textures;
   Buffer<shading::Light> lights;
   Buffer<float> light_cdf;
   Buffer<shading::Emitter> emitters;
@@ -84,6 +86,8 @@ class Store {
   [[nodiscard]] std::span<const Material> materials() const { return tables_.materials; }
   [[nodiscard]] std::span<const TextureNode> textures() const { return tables_.textures; }
   [[nodiscard]] std::span<const cache::ImageInfo> images() const { return tables_.images; }
+  [[nodiscard]] std::span<const cache::FaceContainerInfo> face_containers() const { return tables_.face_containers; }
+  [[nodiscard]] std::span<const cache::FaceTextureInfo> face_textures() const { return tables_.face_textures; }
   [[nodiscard]] std::span<const shading::Light> lights() const { return tables_.lights; }
   [[nodiscard]] std::span<const shading::Emitter> emitters() const { return tables_.emitters; }
   [[nodiscard]] std::span<const shading::Emission> emissions() const { return tables_.emissions; }

@@ -372,7 +372,8 @@ float octaves_of(const TextureNode& node) {
 
 }  // namespace
 
-Status check_texture(const TextureNode& node, size_t index, size_t image_count, std::string_view where) {
+Status check_texture(const TextureNode& node, size_t index, size_t image_count, size_t face_texture_count,
+                     std::string_view where) {
   if (node.kind > TextureKind::marble || node.mapping > TextureMapping::solid || node.wrap > cache::WrapMode::black ||
       node.filter > cache::TexelFilter::trilinear)
     return error("{}: is of no known kind, wrap or filter", where);
@@ -383,11 +384,31 @@ Status check_texture(const TextureNode& node, size_t index, size_t image_count, 
     return error("{}: has {} octaves of noise; 0 to {} can be", where, node.value[1], shading::kMaxOctaves);
   if (node.kind == TextureKind::image && node.image >= image_count)
     return error("{}: uses image {} of {}", where, node.image, image_count);
+  if (node.kind == TextureKind::face && node.image >= face_texture_count)
+    return error("{}: uses face texture {} of {}", where, node.image, face_texture_count);
   for (size_t c = 0; c < child_count(node.kind); ++c)
     if (node.child[c] >= index)
       return error("{}: uses texture {}; textures come after those they use", where, node.child[c]);
   return {};
 }
+
+namespace {
+
+Status validate_face_textures(const StoreTables& t, std::string_view where) {
+  for (size_t c = 0; c < t.face_containers.size(); ++c) {
+    const cache::FaceContainerInfo& info = t.face_containers[c];
+    if (std::memchr(info.file_name, 0, sizeof info.file_name) == nullptr || std::string_view(info.file_name).find('/') != std::string_view::npos)
+      return damaged(where, section::kFaceContainers, c, "its file has no name");
+    if (info.tile_bytes == 0 || info.tile_bytes > (1u << 16) || info.tile_count > (uint64_t{1} << 44) || info.face_count > (uint64_t{1} << 40))
+      return damaged(where, section::kFaceContainers, c, "{} tiles of {} bytes for {} faces", info.tile_count, info.tile_bytes, info.face_count);
+  }
+  for (size_t i = 0; i < t.face_textures.size(); ++i)
+    if (t.face_textures[i].container >= t.face_containers.size())
+      return damaged(where, section::kFaceTextures, i, "lies in file {} of {}", t.face_textures[i].container, t.face_containers.size());
+  return {};
+}
+
+}  // namespace
 
 Status TextureCosts::add(const TextureNode& node, std::string_view where) {
   uint64_t cost = 1 + static_cast<uint64_t>(octaves_of(node));  // each as dear as a lookup
@@ -447,12 +468,13 @@ Status validate_tables(const StoreTables& t, std::string_view where) {
   TextureCosts texture_costs;
   for (size_t i = 0; i < t.textures.size(); ++i) {
     const std::string item = fmt::format("{}: section '{}', item {}", where, section::kTextures, i);
-    SPILLWAY_TRY(check_texture(t.textures[i], i, t.images.size(), item));
+    SPILLWAY_TRY(check_texture(t.textures[i], i, t.images.size(), t.face_textures.size(), item));
     SPILLWAY_TRY(texture_costs.add(t.textures[i], item));
   }
   for (size_t i = 0; i < t.materials.size(); ++i)
     SPILLWAY_TRY(check_material(t.materials[i], i, t.textures.size(),
                                 fmt::format("{}: section '{}', item {}", where, section::kMaterials, i)));
+  SPILLWAY_TRY(validate_face_textures(t, where));
   SPILLWAY_TRY(validate_meshes(t, where));
   SPILLWAY_TRY(validate_lights(t, where));
   SPILLWAY_TRY(validate_environment(t, where));
@@ -484,6 +506,8 @@ Status validate_files(const StoreTables& t, const std::filesystem::path& directo
   }
   for (const cache::ImageInfo& image : t.images)
     SPILLWAY_TRY(check_file(directory / kTexturesDirectory / image.file_name, 1));
+  for (const cache::FaceContainerInfo& container : t.face_containers)
+    SPILLWAY_TRY(check_file(directory / kTexturesDirectory / container.file_name, 1));
   return {};
 }
 

@@ -29,7 +29,9 @@ Status validate_files(const StoreTables& tables, const std::filesystem::path& di
 Status check_settings(const SceneSettings& settings, std::string_view where);
 // Ascending frames, cameras as the settings' own and of its resolution.
 Status check_camera_path(std::span<const FrameCamera> path, const SceneSettings& settings, std::string_view where);
-Status check_texture(const TextureNode& node, size_t index, size_t image_count, std::string_view where);
+// image_count, face_texture_count: of the scene.
+Status check_texture(const TextureNode& node, size_t index, size_t image_count, size_t face_texture_count,
+                     std::string_view where);
 // What evaluating a texture costs, in nodes. Graphs share nodes: a short one may stand for a tree beyond all bounds.
 class TextureCosts {
  public:

@@ -23,6 +23,7 @@ void add_pack_command(CLI::App& app, int& exit_code);
 void add_city_command(CLI::App& app, int& exit_code);
 void add_info_command(CLI::App& app, int& exit_code);
 void add_compare_command(CLI::App& app, int& exit_code);
+void add_convert_command(CLI::App& app, int& exit_code);
 
 // `spillway: message` on stderr; returns the code.
 int fail(const std::string& message, int code = kExitFailed);

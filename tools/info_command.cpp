@@ -40,6 +40,7 @@ Result<json> store_facts(const std::filesystem::path& path) {
                 {"instances", store.instances().size() - 1},
                 {"materials", store.materials().size()},
                 {"images", store.images().size()},
+                {"face_textures", store.face_textures().size()},
                 {"lights", store.lights().size()},
                 {"emitting_triangles", store.emitters().size()},
                 {"lights_that_shine_nothing", settings.statistics.dark_light_count},
@@ -48,7 +49,7 @@ Result<json> store_facts(const std::filesystem::path& path) {
                 {"page_bytes", page_bytes},
                 {"attribute_blocks", store.attributes().size()},
                 {"attribute_bytes", attribute_bytes},
-                {"texture_bytes", cache::TextureCache::bytes_for_all(store.images())},
+                {"texture_bytes", cache::TextureCache::bytes_for_all(store.images(), store.face_containers())},
                 {"resolution", {settings.camera.resolution_x_px, settings.camera.resolution_y_px}},
                 {"samples_per_pixel", settings.render.samples_per_pixel},
                 {"max_depth", settings.render.max_depth}};

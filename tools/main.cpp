@@ -20,6 +20,7 @@ int main(int argc, char** argv) {
   add_city_command(app, exit_code);
   add_info_command(app, exit_code);
   add_compare_command(app, exit_code);
+  add_convert_command(app, exit_code);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& problem) {

@@ -20,6 +20,7 @@ using MeshId = Id<struct MeshTag>;
 using MaterialId = Id<struct MaterialTag>;
 using TextureId = Id<struct TextureTag>;  // a node of the texture graph
 using ImageId = Id<struct ImageTag>;      // a packed image file
+using FaceTextureId = Id<struct FaceTextureTag>;
 using InstanceId = Id<struct InstanceTag>;
 using LightId = Id<struct LightTag>;
 using PageId = Id<struct PageTag>;

@@ -32,6 +32,7 @@ uint64_t chunk_bytes(const MeshChunk& chunk, bool everything) {
   uint64_t bytes = uint64_t{chunk.face_count} * 3 * sizeof(uint16_t) + vertices * sizeof(Float3);
   if (everything && (chunk.columns & kChunkNormals)) bytes += vertices * sizeof(Float3);
   if (everything && (chunk.columns & kChunkUvs)) bytes += vertices * sizeof(Float2);
+  if (everything && (chunk.columns & kChunkFaces)) bytes += uint64_t{chunk.face_count} * sizeof(cache::FaceOfTriangle);
   return bytes;
 }
 
@@ -58,7 +59,8 @@ Result<MeshChunk> MeshSpool::append(const cache::AttributeSegmentData& data, uin
   MeshChunk chunk;
   chunk.face_count = static_cast<uint16_t>(data.indices.size() / 3);
   chunk.vertex_count = static_cast<uint16_t>(data.positions.size());
-  chunk.columns = (data.normals.empty() ? 0u : kChunkNormals) | (data.uvs.empty() ? 0u : kChunkUvs);
+  chunk.columns = (data.normals.empty() ? 0u : kChunkNormals) | (data.uvs.empty() ? 0u : kChunkUvs) |
+                  (data.faces.empty() ? 0u : kChunkFaces);
   const uint64_t bytes = chunk_bytes(chunk, true);
   const uint64_t room = lane.used_bytes == 0 ? 0 : kRegionBytes - std::min(kRegionBytes, lane.used_bytes);
   if (bytes > room) {
@@ -67,7 +69,7 @@ Result<MeshChunk> MeshSpool::append(const cache::AttributeSegmentData& data, uin
   }
   chunk.offset_bytes = lane.offset_bytes + lane.used_bytes;
   std::byte* to = lane.buffer.data() + lane.used_bytes;
-  put(put(put(put(to, data.positions), data.indices), data.normals), data.uvs);
+  put(put(put(put(put(to, data.positions), data.indices), data.normals), data.uvs), data.faces);
   lane.used_bytes = aligned(lane.used_bytes + bytes, kChunkAlignment);
   return chunk;
 }
@@ -108,7 +110,8 @@ Result<cache::AttributeSegmentData> SpoolReader::read(const MeshChunk& chunk, bo
   from = take(from, data.positions, chunk.vertex_count);
   from = take(from, data.indices, size_t{3} * chunk.face_count);
   if (everything && (chunk.columns & kChunkNormals)) from = take(from, data.normals, chunk.vertex_count);
-  if (everything && (chunk.columns & kChunkUvs)) take(from, data.uvs, chunk.vertex_count);
+  if (everything && (chunk.columns & kChunkUvs)) from = take(from, data.uvs, chunk.vertex_count);
+  if (everything && (chunk.columns & kChunkFaces)) take(from, data.faces, chunk.face_count);
   return data;
 }
 

@@ -7,7 +7,7 @@
 // Threads: append() by one thread; after seal(), any number of SpoolReaders at once, each of one thread.
 // Fails: the scratch file's errors.
 // Format: regions of kRegionBytes, each of one lane (a chunk that is larger: of several regions to itself); in a region
-//         chunks one after the other, 16-aligned: positions, indices, normals, uvs of an attribute segment. Meshes are
+//         chunks one after the other, 16-aligned: positions, indices, normals, uvs, faces of an attribute segment. Meshes are
 //         packed by material: a lane a material makes each of them a sequential read, however the import mixed them.
 
 #include <memory>
@@ -21,7 +21,7 @@
 
 namespace spillway::pipeline {
 
-enum MeshChunkColumn : uint32_t { kChunkNormals = 1, kChunkUvs = 2 };
+enum MeshChunkColumn : uint32_t { kChunkNormals = 1, kChunkUvs = 2, kChunkFaces = 4 };
 
 // Faces of one mesh that follow each other, at most a block of attributes, with their own deduplicated vertices.
 struct MeshChunk {

@@ -7,6 +7,7 @@
 
 #include "cache/base/parallel.h"
 #include "pipeline/pack/image_decoder.h"
+#include "pipeline/pack/pack_face_textures.h"
 #include "pipeline/pack/pack_image.h"
 
 namespace spillway::pipeline {
@@ -41,14 +42,16 @@ Result<std::vector<cache::ImageInfo>> pack_images(std::span<const ImageSource> s
   return images;
 }
 
-void remove_packed_images(const std::filesystem::path& textures_directory, std::span<const cache::ImageInfo> keep) {
+void remove_packed_images(const std::filesystem::path& textures_directory, std::span<const cache::ImageInfo> keep,
+                          std::span<const cache::FaceContainerInfo> keep_faces) {
   std::set<std::string> kept;
   for (const cache::ImageInfo& image : keep) kept.insert(image.file_name);
+  for (const cache::FaceContainerInfo& container : keep_faces) kept.insert(container.file_name);
   std::vector<std::filesystem::path> others;
   std::error_code code;
   for (const auto& entry : std::filesystem::directory_iterator(textures_directory, code)) {
     const std::string name = entry.path().filename().string();
-    if (is_packed_image_name(name) && !kept.contains(name)) others.push_back(entry.path());
+    if ((is_packed_image_name(name) || is_face_container_name(name)) && !kept.contains(name)) others.push_back(entry.path());
   }
   for (const std::filesystem::path& other : others) std::filesystem::remove(other, code);
   std::filesystem::remove(textures_directory, code);  // fails, as it should, unless empty

@@ -26,6 +26,7 @@ Result<std::vector<cache::ImageInfo>> pack_images(std::span<const ImageSource> s
                                                   uint64_t memory_limit_bytes);
 
 // Removes packed images that are none of `keep`, and the directory when it is empty then.
-void remove_packed_images(const std::filesystem::path& textures_directory, std::span<const cache::ImageInfo> keep);
+void remove_packed_images(const std::filesystem::path& textures_directory, std::span<const cache::ImageInfo> keep,
+                          std::span<const cache::FaceContainerInfo> keep_faces);
 
 }  // namespace spillway::pipeline

@@ -2,10 +2,11 @@
 
 // Reads .ptx files (the format of wdas/ptex, version 1.x): a small image for each face of a mesh.
 //
-// Owns: the open file and its tables. Memory: 20 bytes and a texel a face, 12 bytes a face and level; what texels()
-// returns. Threads: const after open(). Fails: `file: byte n: what`, for any file cut short or inconsistent, and before
-// memory is taken that the file's size does
-//        not justify (deflate packs at most 1032 to 1) or that is above Options::memory_limit_bytes.
+// Owns: the open file and its tables.
+// Memory: 20 bytes and a texel a face, 12 bytes a face and level; what texels() returns.
+// Threads: const after open().
+// Fails: `file: byte n: what`, for any file cut short or inconsistent, and before memory is taken that the file's size
+//        does not justify (deflate packs at most 1032 to 1) or that is above Options::memory_limit_bytes.
 // Left out: metadata, which is skipped.
 //
 // Format, little endian: PtxHeader; PtxExtraHeader (as much of it as header_size says); the faces' FaceInfo, deflated;

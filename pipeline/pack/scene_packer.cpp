@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "cache/section_file.h"
+#include "pipeline/evaluate_texture.h"
 #include "pipeline/light_validation.h"
 #include "pipeline/pack/bake_micromap.h"
 #include "pipeline/pack/dice_subdivision.h"
@@ -44,7 +45,7 @@ Status check_directory(const fs::path& directory) {
       return error("{}: holds '{}', which is no part of a store; name a new or empty directory", directory.string(),
                    entry.path().filename().string());
   for (const fs::directory_entry& entry : fs::directory_iterator(directory / kTexturesDirectory, code))
-    if (!is_packed_image_name(entry.path().filename().string()))
+    if (const std::string name = entry.path().filename().string(); !is_packed_image_name(name) && !is_face_container_name(name))
       return error("{}: is no image of a store; name a new or empty directory for the store", entry.path().string());
   return {};
 }
@@ -69,6 +70,7 @@ std::string one_line(std::string text) {
 
 struct ScenePacker::Packed {
   std::vector<cache::ImageInfo> images;
+  PackedFaceTextures faces;
   std::vector<AttributeLocation> attributes;
   PackedPages pages;
   ContentChecksums content;
@@ -98,6 +100,9 @@ Result<std::unique_ptr<ScenePacker>> ScenePacker::create(const fs::path& store_d
   SPILLWAY_ASSIGN(packer->scratch_, cache::Scratch::create(scratch.empty() ? store_directory : scratch));
   SPILLWAY_ASSIGN(MeshSpool spool, MeshSpool::create(*packer->scratch_));
   packer->spool_ = std::make_unique<MeshSpool>(std::move(spool));
+  packer->face_textures_ = std::make_unique<FaceTexturePacker>(store_directory / kTexturesDirectory,
+                                                               packer->options_.max_face_container_bytes,
+                                                               packer->options_.face_texture_codec);
   packer->instances_.emplace_back();
   packer->instances_[0] = {};
   return packer;
@@ -134,11 +139,31 @@ Result<ImageId> ScenePacker::add_image(const fs::path& file, cache::TexelEncodin
   return found->second;
 }
 
+Result<FaceTextureId> ScenePacker::add_face_texture(const fs::path& file, TexelCurve encoding) {
+  if (!state_) return state_.error();
+  auto added = face_textures_->add_file(file, encoding);
+  if (!added) return fail<FaceTextureId>(added.error());
+  add_source_file(file);
+  return added;
+}
+
+Result<FaceTextureId> ScenePacker::begin_face_texture(const cache::FaceTexFormat& format, cache::FaceTextureShape texture) {
+  if (!state_) return state_.error();
+  auto begun = face_textures_->begin(format, std::move(texture));
+  if (!begun) return fail<FaceTextureId>(begun.error());
+  return begun;
+}
+
+Status ScenePacker::add_face(std::span<const std::byte> texels) {
+  SPILLWAY_TRY(state_);
+  return failed(face_textures_->add_face(texels));
+}
+
 Result<TextureId> ScenePacker::add_texture(const TextureNode& node) {
   if (!state_) return state_.error();
   const size_t index = textures_.size();
   const std::string item = fmt::format("texture {}", index);
-  Status valid = check_texture(node, index, images_.size(), item);
+  Status valid = check_texture(node, index, images_.size(), face_textures_->size(), item);
   if (valid) valid = texture_costs_.add(node, item);
   if (!valid) return fail<TextureId>(valid.error());
   textures_.push_back(node);
@@ -150,6 +175,8 @@ Result<MaterialId> ScenePacker::add_material(const Material& material, std::stri
   const size_t index = materials_.size();
   const Status valid = check_material(material, index, textures_.size(), fmt::format("material '{}'", name));
   if (!valid) return fail<MaterialId>(valid.error());
+  if (material.displacement != TextureId::kNone && !face_textures_in(textures_, material.displacement).empty())
+    return fail<MaterialId>(error("material '{}': a face texture cannot be its displacement", name));
   materials_.push_back(material);
   materials_.back().coat_internal_reflectance = shading::internal_diffuse_reflectance(material.eta);
   material_names_.push_back(std::move(name));
@@ -231,24 +258,60 @@ Status ScenePacker::check_mesh(const MeshInput& mesh) const {
   return {};
 }
 
+// Of its material, the parts of that, and its alpha.
+std::vector<uint32_t> ScenePacker::face_textures_of(const MeshInput& mesh) const {
+  std::vector<uint32_t> found;
+  const auto add = [&](uint32_t texture) {
+    for (const uint32_t face_texture : face_textures_in(textures_, texture)) found.push_back(face_texture);
+  };
+  if (mesh.alpha.valid()) add(mesh.alpha.value);
+  std::vector<uint32_t> pending{mesh.material.value};
+  while (!pending.empty()) {
+    const Material& material = materials_[pending.back()];
+    pending.pop_back();
+    for (const uint32_t texture : face_texture_params(material, textures_)) add(texture);
+    if (material.kind == MaterialKind::mix) pending.insert(pending.end(), std::begin(material.mix_material), std::end(material.mix_material));
+  }
+  return found;
+}
+
+Status ScenePacker::check_faces(const MeshInput& mesh, const std::vector<uint32_t>& face_textures) const {
+  if (mesh.faces.empty())
+    return error("{}: its material '{}' uses a face texture, but the shape has no faces: it must be a plymesh or trianglemesh",
+                 mesh.name, material_names_[mesh.material.value]);
+  uint32_t faces = 0;
+  bool has_whole = false, has_quads = false;
+  for (const TriangleFace& f : mesh.faces)
+    faces = std::max(faces, f.face + 1), has_whole = has_whole || f.is_whole, has_quads = has_quads || !f.is_whole;
+  for (const uint32_t texture : face_textures) {
+    const FaceTexturePacker::Requirements& wanted = face_textures_->requirements(texture);
+    const bool wrong_count = faces > wanted.face_count || faces == 0 || (faces < wanted.face_count && !wanted.has_subfaces);
+    if (wrong_count)
+      return error("{}: has {} faces, but its face texture '{}' has {}", mesh.name, faces, wanted.name, wanted.face_count);
+    if (wanted.shape == cache::FaceShape::quad ? has_whole : has_quads)
+      return error("{}: has {}, but its face texture '{}' is for {}", mesh.name, has_whole ? "triangles" : "quads", wanted.name,
+                   wanted.shape == cache::FaceShape::quad ? "quads" : "triangles");
+  }
+  return {};
+}
+
 Status ScenePacker::check_object(uint32_t object) const {
   if (object != 0 && object < scene_.object_count) return {};
   return error("instance {}: is of object {}, but there are 1 to {}", instances_.size(), object, scene_.object_count - 1);
 }
 
-Status ScenePacker::add_mesh(const MeshInput& mesh) {
+Status ScenePacker::add_mesh(const MeshInput& given) {
   SPILLWAY_TRY(state_);
+  MeshInput mesh = given;
   SPILLWAY_TRY(failed(check_mesh(mesh)));
-  if (mesh.divides_media && !mesh.material.valid()) {
-    MeshInput interface = mesh;
-    SPILLWAY_ASSIGN(interface.material, interface_material());
-    interface.alpha = {};
-    return add_checked_mesh(interface, true);
+  const bool is_interface = mesh.divides_media && !mesh.material.valid();
+  if (is_interface) {
+    SPILLWAY_ASSIGN(mesh.material, interface_material());
+    mesh.alpha = {};
   }
-  return add_checked_mesh(mesh, false);
-}
-
-Status ScenePacker::add_checked_mesh(const MeshInput& mesh, bool is_interface) {
+  const std::vector<uint32_t> face_textures = face_textures_->size() == 0 ? std::vector<uint32_t>{} : face_textures_of(mesh);
+  if (face_textures.empty()) mesh.faces = {};
+  if (!face_textures.empty()) SPILLWAY_TRY(failed(check_faces(mesh, face_textures)));
   auto spooled = spool_mesh(mesh, *spool_, options_.max_faces_per_attribute_block, degenerate_count_);
   if (!spooled) return failed(spooled.error());
   if (is_interface) spooled->row.flags |= kMeshIsInterface;
@@ -274,6 +337,8 @@ Status ScenePacker::add_subdivision(const SubdivisionInput& subdivision) {
   if (!subdivision.cage.material.valid())
     return failed(error("{}: a subdivided cage without a material is not possible; give it one", subdivision.cage.name));
   SPILLWAY_TRY(failed(check_displacement(subdivision)));
+  if (face_textures_->size() > 0 && !face_textures_of(subdivision.cage).empty())
+    return failed(error("{}: a subdivision surface cannot have face textures yet", subdivision.cage.name));
   auto cage = make_cage(subdivision);
   if (!cage) return failed(cage.error());
   cages_.push_back(std::move(*cage));
@@ -471,7 +536,8 @@ Status ScenePacker::write_images(Packed& packed) {
   const PackStepTimer timer(report_, "images");
   SPILLWAY_ASSIGN(packed.images,
                   pack_images(images_, directory_ / kTexturesDirectory, options_.memory_limit_bytes));
-  remove_packed_images(directory_ / kTexturesDirectory, packed.images);
+  SPILLWAY_ASSIGN(packed.faces, face_textures_->finish());
+  remove_packed_images(directory_ / kTexturesDirectory, packed.images, packed.faces.containers);
   return {};
 }
 
@@ -568,6 +634,7 @@ std::string ScenePacker::name_lines() const {
   };
   for (size_t i = 0; i < scene_.meshes.size(); ++i) add("mesh", i, scene_.meshes[i].name);
   for (size_t i = 0; i < material_names_.size(); ++i) add("material", i, material_names_[i]);
+  for (uint32_t i = 0; i < face_textures_->size(); ++i) add("face_texture", i, face_textures_->requirements(i).name);
   for (size_t i = 0; i < object_names_.size(); ++i) add("object", i + 1, object_names_[i]);
   return lines;
 }
@@ -597,6 +664,8 @@ Status ScenePacker::write_manifest(const Packed& packed) {
   add(section::kMaterials, materials_);
   add(section::kTextures, textures_);
   add(section::kImages, packed.images);
+  add(section::kFaceContainers, packed.faces.containers);
+  add(section::kFaceTextures, packed.faces.textures);
   add(section::kLights, packed.lights.lights);
   add(section::kLightCdf, packed.lights.cdf);
   add(section::kEmitters, packed.lights.emitters);
@@ -627,7 +696,7 @@ void ScenePacker::remove_output() {
   if (!wrote_output_) return;
   std::error_code code;
   for (const char* file : {kManifestFile, kTracePagesFile, kAttributesFile, kVolumesFile}) fs::remove(directory_ / file, code);
-  remove_packed_images(directory_ / kTexturesDirectory, {});
+  remove_packed_images(directory_ / kTexturesDirectory, {}, {});
   wrote_output_ = false;
 }
 

@@ -25,6 +25,7 @@
 #include "pipeline/pack/build_trees.h"
 #include "pipeline/pack/dice_rates.h"
 #include "pipeline/pack/mesh_spool.h"
+#include "pipeline/pack/pack_face_textures.h"
 #include "pipeline/pack/pack_images.h"
 #include "pipeline/pack/pack_media.h"
 #include "pipeline/pack/pack_page_tree.h"
@@ -42,6 +43,8 @@ struct PackOptions {
   // Performance: pages and blocks differ, pictures do not.
   uint32_t max_triangles_per_page = 65536;          // 1..65536; larger: fewer, longer reads
   BuildOptions tree{};
+  uint64_t max_face_container_bytes = 16ull << 30;  // larger: fewer files of face textures
+  cache::FaceTexCodec face_texture_codec = cache::FaceTexCodec::lz4;  // zstd: smaller, slower to unpack
   uint32_t max_faces_per_attribute_block = cache::kMaxFacesPerAttributeBlock;  // larger: fewer, longer reads
   int32_t volume_brick_voxels = 32;                 // 8, 16, 32 or 64; larger: fewer, longer reads
   // Performance: the store's bytes do not differ.
@@ -55,6 +58,9 @@ class ScenePacker final : public SceneSink {
   ~ScenePacker() override;
 
   Result<ImageId> add_image(const std::filesystem::path& file, cache::TexelEncoding encoding) override;
+  Result<FaceTextureId> add_face_texture(const std::filesystem::path& file, TexelCurve encoding) override;
+  Result<FaceTextureId> begin_face_texture(const cache::FaceTexFormat& format, cache::FaceTextureShape texture) override;
+  Status add_face(std::span<const std::byte> texels) override;
   Result<TextureId> add_texture(const TextureNode& node) override;
   Result<MaterialId> add_material(const Material& material, std::string name) override;
   Status add_light(const shading::Light& light) override;
@@ -86,8 +92,9 @@ class ScenePacker final : public SceneSink {
   Result<T> fail(Error problem);
   Status failed(Status status);
   Status check_mesh(const MeshInput& mesh) const;
-  Status add_checked_mesh(const MeshInput& mesh, bool is_interface);
   Result<MaterialId> interface_material();
+  [[nodiscard]] std::vector<uint32_t> face_textures_of(const MeshInput& mesh) const;
+  Status check_faces(const MeshInput& mesh, const std::vector<uint32_t>& face_textures) const;
   Status check_object(uint32_t object) const;
   Status add_placed(uint32_t object, const Affine3& world_from_object, const Motion* motion);
   Status write_store();
@@ -123,6 +130,7 @@ class ScenePacker final : public SceneSink {
   std::vector<FrameCamera> camera_path_;
   std::vector<ImageSource> images_;
   std::map<std::pair<std::string, cache::TexelEncoding>, ImageId> image_ids_;
+  std::unique_ptr<FaceTexturePacker> face_textures_;
   std::vector<TextureNode> textures_;
   TextureCosts texture_costs_;
   std::vector<Material> materials_;

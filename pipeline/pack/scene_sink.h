@@ -13,18 +13,27 @@
 #include <vector>
 
 #include "cache/base/result.h"
+#include "cache/facetex_writer.h"
 #include "pipeline/scene.h"
 
 namespace spillway::pipeline {
 
 // One triangle mesh in the space of its object. Arrays are checked: NaN or infinite vertices and indices out of range are
 // errors that name `name`; triangles of zero area are dropped and counted.
+struct TriangleFace {
+  uint32_t face = 0;              // of the mesh's face textures
+  uint8_t corner[3] = {0, 1, 2};  // which of the face's corners (cache/face_layout.h) the triangle's are
+  bool is_whole = false;          // the face is this triangle
+  uint32_t fourth_vertex = 0;     // of a quad: its other corner
+};
+
 struct MeshInput {
   std::string name;                      // "models/Mesh001.ply" or "scene.pbrt:41:1", for messages and info
   std::span<const Float3> positions;
   std::span<const Float3> normals;       // empty, or one a position
   std::span<const Float2> uvs;           // empty, or one a position
   std::span<const uint32_t> indices;     // three a triangle
+  std::span<const TriangleFace> faces;   // empty, or one a triangle: for materials with face textures
   MaterialId material;
   TextureId alpha;                       // none: opaque
   bool flip_normals = false;
@@ -50,6 +59,13 @@ struct MediumInput {
   std::string name;
   Medium medium;                   // without its transforms
   Affine3 world_from_medium;
+};
+
+// How the texels of a face texture are to be understood.
+struct TexelCurve {
+  cache::FaceTexEncoding kind = cache::FaceTexEncoding::linear;
+  float gamma = 1;
+  auto operator<=>(const TexelCurve&) const = default;
 };
 
 // ---- Catmull-Clark cages ----
@@ -94,6 +110,20 @@ class SceneSink {
   virtual ~SceneSink() = default;
 
   virtual Result<ImageId> add_image(const std::filesystem::path& file, cache::TexelEncoding encoding) = 0;
+  // A .ptx or .facetex file of one texture; its texels are understood by `encoding`, floats always as linear.
+  virtual Result<FaceTextureId> add_face_texture(const std::filesystem::path& file, TexelCurve encoding) {
+    (void)encoding;
+    return error("{}: face textures are not taken here", file.string());
+  }
+  // A face texture made face by face: add_face for each, in order, before anything else is said of face textures.
+  virtual Result<FaceTextureId> begin_face_texture(const cache::FaceTexFormat& format, cache::FaceTextureShape texture) {
+    (void)format;
+    return error("{}: face textures are not taken here", texture.name);
+  }
+  virtual Status add_face(std::span<const std::byte> texels) {
+    (void)texels;
+    return error("face textures are not taken here");
+  }
   virtual Result<TextureId> add_texture(const TextureNode& node) = 0;
   virtual Result<MaterialId> add_material(const Material& material, std::string name) = 0;
   virtual Status add_light(const shading::Light& light) = 0;  // point, spot, distant, infinite

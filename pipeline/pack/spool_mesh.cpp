@@ -1,6 +1,7 @@
 #include "pipeline/pack/spool_mesh.h"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 
 namespace spillway::pipeline {
@@ -16,6 +17,8 @@ Status check_counts(const MeshInput& input) {
     return error("{}: has {} normals for {} vertices", input.name, input.normals.size(), input.positions.size());
   if (!input.uvs.empty() && input.uvs.size() != input.positions.size())
     return error("{}: has {} uvs for {} vertices", input.name, input.uvs.size(), input.positions.size());
+  if (!input.faces.empty() && input.faces.size() != input.indices.size() / 3)
+    return error("{}: has {} faces of a texture for {} triangles", input.name, input.faces.size(), input.indices.size() / 3);
   return {};
 }
 
@@ -36,6 +39,12 @@ Status check_values(const MeshInput& input) {
     if (input.indices[i] >= input.positions.size())
       return error("{}: index {} of triangle {} is {}, but there are {} vertices", input.name, i % 3, i / 3,
                    input.indices[i], input.positions.size());
+  for (size_t i = 0; i < input.faces.size(); ++i) {
+    const TriangleFace& f = input.faces[i];
+    const uint32_t corners = (1u << f.corner[0] % 32) | (1u << f.corner[1] % 32) | (1u << f.corner[2] % 32);
+    const bool is_part = f.is_whole ? corners == 7 : corners <= 15 && f.fourth_vertex < input.positions.size();
+    if (!is_part || std::popcount(corners) != 3) return error("{}: triangle {} is no part of a face", input.name, i);
+  }
   return {};
 }
 
@@ -47,19 +56,44 @@ bool has_area(const MeshInput& input, const uint32_t* face) {
   return length_squared(normal) > 0;
 }
 
+// The part of its face that a triangle is. A quad's fourth corner is moved along the quad's normal into the triangle's
+// plane, as seen from both triangles alike: they agree on the (u, v) of their common edge.
+cache::FaceOfTriangle face_of_triangle(const MeshInput& input, size_t triangle) {
+  const TriangleFace& part = input.faces[triangle];
+  const uint32_t corners = cache::face_corners(part.corner[0], part.corner[1], part.corner[2]);
+  if (part.is_whole) return {part.face, corners | cache::kWholeFace, {0, 0}};
+  cache::FaceOfTriangle face{part.face, corners, {0, 0}};
+  Float3 corner[4];
+  const uint32_t fourth = 6u - part.corner[0] - part.corner[1] - part.corner[2];
+  for (size_t k = 0; k < 3; ++k) corner[part.corner[k]] = input.positions[input.indices[3 * triangle + k]];
+  corner[fourth] = input.positions[part.fourth_vertex];
+  const Float3 p0 = input.positions[input.indices[3 * triangle]];
+  const Float3 e1 = input.positions[input.indices[3 * triangle + 1]] - p0;
+  const Float3 e2 = input.positions[input.indices[3 * triangle + 2]] - p0;
+  const Float3 normal = cross(corner[2] - corner[0], corner[3] - corner[1]), to = corner[fourth] - p0;
+  const float volume = dot(cross(e1, e2), normal);
+  const float a = dot(cross(to, e2), normal) / volume, b = dot(cross(e1, to), normal) / volume;
+  // Of a quad without area: as of a parallelogram.
+  const bool is_finite_place = std::isfinite(a) && std::isfinite(b);
+  face.fourth[0] = is_finite_place ? a : 1, face.fourth[1] = is_finite_place ? b : 1;
+  return face;
+}
+
 // Collects faces and their vertices; `local` holds a vertex's number in the chunk, or kUnseen.
 class ChunkMaker {
  public:
   explicit ChunkMaker(const MeshInput& input) : input_(input), local_(MemoryTag::pack, input.positions.size()) {}
 
-  void add_face(const uint32_t* face) {
-    for (int k = 0; k < 3; ++k) data_.indices.push_back(local_vertex(face[k]));
+  void add_face(size_t triangle) {
+    for (size_t k = 0; k < 3; ++k) data_.indices.push_back(local_vertex(input_.indices[3 * triangle + k]));
+    if (!input_.faces.empty()) data_.faces.push_back(face_of_triangle(input_, triangle));
   }
   [[nodiscard]] size_t face_count() const { return data_.indices.size() / 3; }
   [[nodiscard]] const cache::AttributeSegmentData& data() const { return data_; }
   void clear() {
     for (const uint32_t vertex : vertices_) local_[vertex] = 0;
     vertices_.clear(), data_.indices.clear(), data_.positions.clear(), data_.normals.clear(), data_.uvs.clear();
+    data_.faces.clear();
   }
 
  private:
@@ -121,7 +155,7 @@ Result<SpooledMesh> spool_mesh(const MeshInput& input, MeshSpool& spool, uint32_
       ++degenerate_count;
       continue;
     }
-    maker.add_face(&input.indices[i]);
+    maker.add_face(i / 3);
     if (maker.face_count() == max_faces_per_chunk) SPILLWAY_TRY(append_chunk(maker, spool, mesh));
   }
   SPILLWAY_TRY(append_chunk(maker, spool, mesh));

@@ -157,8 +157,11 @@ class RenderLoop {
     const StageTimer timer("shade_hits", report.shade_seconds);
     SPILLWAY_TRY(hits.finish());
     const ShadeHitsReport before = report_.shade;
+    cache::TextureCounters textures_before;
+    if (state_.textures) state_.textures->begin_wave(), textures_before = state_.textures->counters();
     SPILLWAY_TRY(shade_hits(state_.inputs, hits, *state_.attributes, *state_.film, wave.paths, wave.shadows,
                             shade_scratch_, report_.shade));
+    if (state_.textures) report.textures = gained(state_.textures->counters(), textures_before);
     report.partition_count = report_.shade.partition_count - before.partition_count;
     for (const int half : {0, 1}) live_[half] = report_.shade.rays_of_half[half] - before.rays_of_half[half];
     return {};
@@ -344,7 +347,7 @@ SceneFacts scene_facts(const Store& store, const RenderOptions& options) {
     facts.attribute_bytes += block.size_bytes;
     facts.largest_attribute_block_bytes = std::max<uint64_t>(facts.largest_attribute_block_bytes, block.size_bytes);
   }
-  facts.texture_bytes = cache::TextureCache::bytes_for_all(store.images());
+  facts.texture_bytes = cache::TextureCache::bytes_for_all(store.images(), store.face_containers());
   facts.image_count = store.images().size();
   facts.has_media = !store.medium_tables().media.empty();
   for (const cache::VolumeBrickLocation& brick : store.medium_tables().volumes.bricks) {

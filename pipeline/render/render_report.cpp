@@ -30,8 +30,19 @@ json plan_json(const Plan& p) {
           {"predicted_scratch_bytes", p.predicted_scratch_bytes}};
 }
 
+json textures_json(const cache::TextureCounters& c) {
+  return {{"lookups", c.lookups},
+          {"tiles_touched", c.tiles_touched},
+          {"unique_bytes", c.unique_bytes},
+          {"tiles_read", c.tiles_read},
+          {"bytes_read", c.bytes_read},
+          {"wave_tiles_touched", c.wave_tiles_touched},
+          {"wave_unique_bytes", c.wave_unique_bytes},
+          {"tiles_read_again", c.tiles_read_again}};
+}
+
 json wave_json(const WaveReport& w) {
-  return {{"paths", w.path_count},
+  json wave = {{"paths", w.path_count},
           {"shadow_rays", w.shadow_count},
           {"generated", w.generated_count},
           {"sort_seconds", w.sort_seconds},
@@ -43,6 +54,8 @@ json wave_json(const WaveReport& w) {
           {"windows", w.window_count},
           {"partitions", w.partition_count},
           {"spilled_bytes", w.spilled_bytes}};
+  if (w.textures.lookups > 0) wave["textures"] = textures_json(w.textures);
+  return wave;
 }
 
 json stages_json(const RenderReport& r) {
@@ -157,12 +170,13 @@ std::string report_json(const RenderReport& r, const std::string& scene) {
     report["volumes"] = parts_json(r.volumes);
   }
   if (r.has_textures)
-    report["textures"] = {{"lookups", r.textures.lookups},
-                          {"tiles_touched", r.textures.tiles_touched},
-                          {"tiles_read", r.textures.tiles_read},
-                          {"tiles_read_again", r.textures.tiles_read_again},
-                          {"bytes_read", r.textures.bytes_read},
-                          {"unique_bytes", r.textures.unique_bytes}};
+    report["textures"] = textures_json(r.textures);
+  for (const TextureReport& t : r.by_texture) {
+    if (t.counters.lookups == 0) continue;
+    json one = textures_json(t.counters);
+    one["name"] = t.name, one["kind"] = t.is_face_texture ? "face" : "image";
+    report["textures"]["by_texture"].push_back(one);
+  }
   return report.dump(1);
 }
 
@@ -193,6 +207,9 @@ std::string report_table(const RenderReport& r) {
     text += fmt::format("  {:<14} {:>10} read, {} unique; {} lookups, {} tiles, {} of them again\n", "textures",
                         bytes_text(r.textures.bytes_read), bytes_text(r.textures.unique_bytes), r.textures.lookups,
                         r.textures.tiles_read, r.textures.tiles_read_again);
+  if (r.texture_budget_bytes > 0)
+    text += fmt::format("  warning: texture tiles were read again in a wave; --memory {} would stop it\n",
+                        bytes_text(r.texture_budget_bytes));
   text += fmt::format("spilled\n  {} written, {} of scratch at most\n", bytes_text(r.spilled_bytes),
                       bytes_text(r.scratch_peak_bytes));
   text += "memory, peak\n";

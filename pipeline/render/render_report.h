@@ -24,7 +24,14 @@ namespace spillway::pipeline {
 struct WaveReport {
   uint64_t path_count = 0, shadow_count = 0, generated_count = 0;
   double sort_seconds = 0, trace_seconds = 0, track_seconds = 0, route_seconds = 0, shade_seconds = 0;
+  cache::TextureCounters textures;
   uint64_t pages_touched = 0, pair_count = 0, window_count = 0, partition_count = 0, bricks_touched = 0, spilled_bytes = 0;
+};
+
+struct TextureReport {
+  std::string name;
+  bool is_face_texture = false;
+  cache::TextureCounters counters;
 };
 
 struct RenderReport {
@@ -42,6 +49,8 @@ struct RenderReport {
   ShadeHitsReport shade;
   cache::PartStoreCounters pages, attributes, volumes;
   cache::TextureCounters textures;
+  std::vector<TextureReport> by_texture;  // images, then face textures
+  uint64_t texture_budget_bytes = 0;     // the budget that would keep tiles from being read again; 0: few are
   bool has_textures = false;
   uint64_t spilled_bytes = 0, scratch_peak_bytes = 0;
   bool direct_io = false;

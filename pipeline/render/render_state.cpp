@@ -77,9 +77,10 @@ Status open_volumes(RenderState& state) {
 // A scene without images has no texture cache.
 Status open_textures(RenderState& state) {
   const Store& store = state.store;
-  if (!store.images().empty()) {
-    SPILLWAY_ASSIGN(state.textures, cache::TextureCache::open(store.textures_path(), store.images(),
-                                                              {.memory_limit_bytes = state.plan.texture_bytes}));
+  if (!store.images().empty() || !store.face_textures().empty()) {
+    const cache::TextureCache::Options options{state.plan.texture_bytes, state.options.direct_io};
+    SPILLWAY_ASSIGN(state.textures, cache::TextureCache::open(store.textures_path(), store.images(), options,
+                                                              store.face_containers(), store.face_textures()));
   }
   state.evaluator = std::make_unique<TextureEvaluator>(store.textures(), state.textures.get());
   return {};
@@ -109,6 +110,8 @@ void connect(RenderState& state) {
   state.resolver = std::make_unique<MaterialResolver>(in.tables, settings.render.seed);
   in.resolver = state.resolver.get();
   in.wants_aovs = state.options.aov_layers;
+  in.stages_face_textures = state.options.read_ahead_textures && state.textures && state.textures->has_face_textures() &&
+                            !state.plan.textures_fit;
 }
 
 }  // namespace
@@ -137,7 +140,7 @@ Status open_film(RenderState& state) {
 
 CountersBefore::CountersBefore(const RenderState& state)
     : pages(state.page_parts->counters()), attributes(state.attributes->parts().counters()) {
-  if (state.textures) textures = state.textures->counters();
+  if (state.textures) textures = state.textures->counters_by_texture();
   if (state.volumes) volumes = state.volumes->parts().counters();
 }
 
@@ -170,11 +173,20 @@ cache::PartStoreCounters gained(cache::PartStoreCounters now, const cache::PartS
   return now;
 }
 
-cache::TextureCounters gained(cache::TextureCounters now, const cache::TextureCounters& before) {
-  now.lookups -= before.lookups, now.tiles_touched -= before.tiles_touched, now.tiles_read -= before.tiles_read;
-  now.tiles_read_again -= before.tiles_read_again, now.bytes_read -= before.bytes_read;
-  now.unique_bytes -= before.unique_bytes;
-  return now;
+void fill_texture_report(const RenderState& state, const CountersBefore& before, RenderReport& report) {
+  const std::vector<cache::TextureCounters> now = state.textures->counters_by_texture();
+  const size_t image_count = state.store.images().size();
+  for (size_t i = 0; i < now.size(); ++i) {
+    const bool is_face = i >= image_count;
+    const uint32_t index = static_cast<uint32_t>(is_face ? i - image_count : i);
+    std::string name = is_face ? state.store.name_of("face_texture", index) : std::string(state.store.images()[i].file_name);
+    report.by_texture.push_back({std::move(name), is_face, cache::gained(now[i], before.textures[i])});
+    report.textures += report.by_texture.back().counters;
+  }
+  const uint64_t wanted = state.textures->limit_for_waves();
+  const bool thrashes = report.textures.tiles_read_again * 20 > report.textures.wave_tiles_touched;
+  if (thrashes && wanted > state.plan.texture_bytes)
+    report.texture_budget_bytes = state.plan.memory_bytes + (wanted - state.plan.texture_bytes);
 }
 
 }  // namespace
@@ -198,7 +210,7 @@ void fill_report(const RenderState& state, const CountersBefore& before, RenderR
   report.attributes = gained(state.attributes->parts().counters(), before.attributes);
   if (state.volumes) report.volumes = gained(state.volumes->parts().counters(), before.volumes);
   report.has_textures = state.textures != nullptr;
-  if (state.textures) report.textures = gained(state.textures->counters(), before.textures);
+  if (state.textures) fill_texture_report(state, before, report);
   if (state.scratch) report.scratch_peak_bytes = state.scratch->peak_bytes();
   report.direct_io = state.options.direct_io;
   fill_io(before, report);

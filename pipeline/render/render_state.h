@@ -58,7 +58,7 @@ struct CountersBefore {
   cache::ProcessIo process = cache::process_io();
   std::array<cache::IoUse, cache::kIoPurposeCount> by_purpose = io();
   cache::PartStoreCounters pages, attributes, volumes;
-  cache::TextureCounters textures;
+  std::vector<cache::TextureCounters> textures;
 
   static std::array<cache::IoUse, cache::kIoPurposeCount> io();
 };

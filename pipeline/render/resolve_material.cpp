@@ -122,6 +122,11 @@ MaterialResolver::MaterialResolver(const MaterialTables& tables, uint32_t seed) 
     for (int slot = 0; slot < kParamSlots; ++slot) p[slot] = param(m, slot).constant;
     constants_.push_back(leaf_bsdf(m, p));
     is_textured_.push_back(is_textured(m));
+    std::vector<uint32_t> faces;
+    if (tables.textures != nullptr) faces = face_texture_params(m, tables.textures->nodes());
+    if (m.kind == MaterialKind::mix)
+      for (const uint32_t part : m.mix_material) faces.insert(faces.end(), face_textures_[part].begin(), face_textures_[part].end());
+    face_textures_.push_back(std::move(faces));
   }
 }
 
@@ -129,6 +134,16 @@ Status MaterialResolver::resolve(std::span<SurfaceQuery> block, Scratch& scratch
   SPILLWAY_TRY(decide_alpha(block, scratch));
   SPILLWAY_TRY(decide_mixes(block, scratch));
   return resolve_leaves(block, scratch);
+}
+
+void MaterialResolver::append_face_requests(const SurfaceQuery& q, std::vector<cache::FaceTextureRequest>& requests) const {
+  if (q.point->face == nullptr) return;
+  const Mesh& mesh = tables_.meshes[q.mesh];
+  if (q.hit->hit.flags & cache::kHitAlphaUnknown)
+    tables_.textures->append_face_requests({mesh.alpha_texture, q.point->uv, 0, q.point}, requests);
+  if (q.hit->is_shadow) return;
+  for (const uint32_t texture : face_textures_[mesh.material])
+    tables_.textures->append_face_requests({texture, q.point->uv, q.point->width_uv, q.point}, requests);
 }
 
 Status MaterialResolver::decide_alpha(std::span<SurfaceQuery> block, Scratch& scratch) const {

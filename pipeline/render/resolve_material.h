@@ -44,6 +44,8 @@ class MaterialResolver {
   };
   // Values depend on each hit alone, not on the block.
   Status resolve(std::span<SurfaceQuery> block, Scratch& scratch) const;
+  // The lookups in face textures that resolve() may make, of all parts of a mix.
+  void append_face_requests(const SurfaceQuery& query, std::vector<cache::FaceTextureRequest>& requests) const;
 
  private:
   Status decide_alpha(std::span<SurfaceQuery> block, Scratch& scratch) const;
@@ -54,6 +56,7 @@ class MaterialResolver {
   uint32_t seed_;
   std::vector<shading::BsdfParams> constants_;  // one a material: what its constants give
   std::vector<uint8_t> is_textured_;            // one a material
+  std::vector<std::vector<uint32_t>> face_textures_;  // one a material: texture nodes that look into face textures
 };
 
 }  // namespace spillway::pipeline

@@ -22,6 +22,7 @@ constexpr size_t kPrefetch = 8;  // hits ahead, of vertices that lie apart
 struct BlockScratch {
   std::array<cache::TrianglePlace, kBlockHits> places;
   std::array<ShadingPoint, kBlockHits> points;
+  std::array<FacePoint, kBlockHits> face_points;
   std::array<SurfaceQuery, kBlockHits> queries;
   std::vector<SplatRecord> splats;
   std::vector<AovRecord> aovs;
@@ -53,6 +54,7 @@ class Shader {
   // bytes: the attribute block that holds all of these hits; empty: each hit's block is resident.
   Status shade_batch(std::span<const HitRecord> hits, std::span<const std::byte> bytes, RayColumns<PathRecord>& paths,
                      RayColumns<ShadowRecord>& shadows, ShadeHitsReport& report) {
+    if (inputs_.stages_face_textures) SPILLWAY_TRY(stage_face_textures(hits, bytes));
     std::array<ShadedBlock, kBatchHits / kBlockHits> blocks;
     parallel_blocks(hits.size(), kBlockHits, [&](size_t b, size_t first, size_t last) {
       blocks[b] = ShadedBlock{first};
@@ -120,8 +122,25 @@ class Shader {
       const bool flip = inputs_.tables.meshes[mesh].flags & kMeshFlipNormals;
       scratch.points[i] = shading_point(triangle, hit, transform, flip);
       set_media(inputs_.tables.meshes[mesh], hit.path.medium, scratch.points[i]);
+      if (triangle.has_face) {
+        scratch.face_points[i] = face_point(triangle, hit, transform, scratch.points[i].width_world, inputs_.settings.seed);
+        scratch.points[i].face = &scratch.face_points[i];
+      }
       scratch.queries[i] = SurfaceQuery{&hit, &scratch.points[i], mesh, true, 0, {}};
     }
+  }
+
+  // What the batch will ask of face textures, read in the order of the file.
+  Status stage_face_textures(std::span<const HitRecord> hits, std::span<const std::byte> bytes) {
+    std::array<std::vector<cache::FaceTextureRequest>, kBatchHits / kBlockHits> of_block;
+    parallel_blocks(hits.size(), kBlockHits, [&](size_t b, size_t first, size_t last) {
+      BlockScratch& scratch = scratches_.local();
+      gather(hits.subspan(first, last - first), bytes, scratch);
+      for (size_t i = 0; i < last - first; ++i) inputs_.resolver->append_face_requests(scratch.queries[i], of_block[b]);
+    });
+    std::vector<cache::FaceTextureRequest> requests;
+    for (const auto& some : of_block) requests.insert(requests.end(), some.begin(), some.end());
+    return requests.empty() ? Status{} : inputs_.tables.textures->images()->stage_faces(requests);
   }
 
   void let_through(const SurfaceQuery& q, ShadedBlock& out) {

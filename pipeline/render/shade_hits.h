@@ -37,6 +37,7 @@ struct ShadeInputs {
   std::span<const Motion> motions;
   const MaterialResolver* resolver = nullptr;
   bool wants_aovs = false;
+  bool stages_face_textures = false;  // reads their tiles ahead, a batch at a time: some are not in memory
 };
 
 // Reused from wave to wave.

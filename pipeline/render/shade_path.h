@@ -16,6 +16,14 @@
 
 namespace spillway::pipeline {
 
+// Where a hit is on a face of a face texture. (u, v) of a quad are those of its bilinear patch.
+struct FacePoint {
+  uint32_t face;
+  float u, v;
+  float width_u, width_v;  // footprint of the path's cone, along u and v
+  float random;            // of the path and its bounce, in [0, 1): chooses between levels
+};
+
 // A hit with its geometry, in world space.
 struct ShadingPoint {
   Float3 position;
@@ -29,6 +37,7 @@ struct ShadingPoint {
   float time;               // of the path: the rays that leave keep it
   // What a ray that leaves is in, by the side of normal_geometric that it leaves on.
   uint32_t medium_inside = kNoMedium, medium_outside = kNoMedium;
+  const FacePoint* face = nullptr;  // of a mesh with face textures
 };
 
 // The media on both sides: those of a mesh that divides media, else the one that the ray came through.
@@ -46,6 +55,10 @@ struct InstanceTransform {
 
 [[nodiscard]] ShadingPoint shading_point(const cache::TriangleAttributes& triangle, const HitRecord& hit,
                                          const InstanceTransform& instance, bool flip_normals);
+
+// Of a triangle that has_face. width_world: of the shading point.
+[[nodiscard]] FacePoint face_point(const cache::TriangleAttributes& triangle, const HitRecord& hit,
+                                   const InstanceTransform& instance, float width_world, uint32_t seed);
 
 // What of the scene and the options a path needs to know. Spans, valid for the whole render.
 struct PathSettings {

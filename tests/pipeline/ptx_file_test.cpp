@@ -8,9 +8,9 @@
 #include <nlohmann/json.hpp>
 #include <random>
 
+#include "pipeline/pack/ptx_writer.h"
 #include "tests/fuzz/ptx_entry.h"
 #include "tests/support/ptex_filter.h"
-#include "tests/support/ptx_writer.h"
 #include "tests/support/small_scene.h"
 
 namespace spillway::pipeline {
@@ -21,9 +21,9 @@ using cache::FaceShape;
 using cache::FaceTexelType;
 using nlohmann::json;
 using test::PtexFilterKind;
-using test::PtxDescription;
-using test::PtxEncoding;
-using test::PtxFace;
+
+
+
 
 // All that the library was asked lies beside some copies of this repository.
 std::filesystem::path values_file(const std::string& name) {

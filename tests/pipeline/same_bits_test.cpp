@@ -260,7 +260,13 @@ TEST_F(SameBits, for_fractions_of_the_attributes) {
 TEST_F(SameBits, for_small_textures) {
   RenderOptions o = options();
   o.plan.texture_bytes = 1 << 16;
-  EXPECT_EQ(render(o, 2).report.image_hash, hash_);
+  for (const bool read_ahead : {true, false}) {
+    o.read_ahead_textures = read_ahead;
+    const RenderedImage image = render(o, 2);
+    EXPECT_EQ(image.report.image_hash, hash_) << read_ahead;
+    EXPECT_GT(image.report.by_texture.back().counters.lookups, 500u);  // the painted wall
+    EXPECT_GT(image.report.textures.tiles_read, image.report.textures.tiles_touched);
+  }
 }
 
 TEST_F(SameBits, when_everything_is_spilled) {

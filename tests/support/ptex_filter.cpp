@@ -205,18 +205,6 @@ std::vector<double> PtexFilter::quad_value(const PtexLookup& l) {
   return sum_;
 }
 
-bool PtexFilter::is_regular_corner(uint32_t face, uint32_t corner) const {
-  uint32_t at = face, edge = corner;
-  for (int count = 1; count < 16; ++count) {
-    const Neighbour next = neighbour_across(file_.faces(), at, edge, false);
-    if (!next.exists()) return false;
-    if (file_.faces()[at].is_subface() && next.part == 0) return true;  // the middle of a whole face's edge
-    at = next.face, edge = (next.edge + 1) % 4;
-    if (at == face && edge == corner) return count == 4;
-  }
-  return false;
-}
-
 void PtexFilter::add_quad_texel(uint32_t face, FacePlace place, Grid grid, double weight, bool no_edge_blend) {
   for (int step = 0; step < 8; ++step) {
     const FaceInfo& info = file_.faces()[face];
@@ -238,7 +226,7 @@ void PtexFilter::add_quad_texel(uint32_t face, FacePlace place, Grid grid, doubl
     }
     if (crossed_count == 2 && step == 0) {
       const uint32_t corner = place.u < 0 ? (place.v < 0 ? 0 : 3) : (place.v < 0 ? 1 : 2);
-      if (!is_regular_corner(face, corner)) {
+      if (!is_regular_corner(file_.faces(), face, corner)) {
         met_extraordinary_corner_ = true;
         return;
       }

@@ -44,7 +44,6 @@ class PtexFilter {
   std::vector<double> quad_value(const PtexLookup& lookup);
   std::vector<double> triangle_value(const PtexLookup& lookup);
   void add_quad_texel(uint32_t face, cache::FacePlace place, Grid grid, double weight, bool no_edge_blend);
-  bool is_regular_corner(uint32_t face, uint32_t corner) const;
   void add_triangle(uint32_t face, const Ellipse& ellipse, int depth);
   void add(uint32_t face, uint32_t ulog2, uint32_t vlog2, uint32_t u, uint32_t v, double weight);
 

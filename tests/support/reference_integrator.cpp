@@ -157,12 +157,17 @@ class Walker {
     const bool flip = s_.inputs.tables.meshes[triangle.mesh.value].flags & kMeshFlipNormals;
     point_ = shading_point(triangle, hit, transform, flip);
     set_media(s_.inputs.tables.meshes[triangle.mesh.value], hit.path.medium, point_);
+    if (triangle.has_face) {
+      face_ = face_point(triangle, hit, transform, point_.width_world, s_.inputs.settings.seed);
+      point_.face = &face_;
+    }
     query_ = SurfaceQuery{&hit, &point_, triangle.mesh.value, true, 0, {}};
     return s_.inputs.resolver->resolve({&query_, 1}, scratch_);
   }
 
   Shared s_;
   ShadingPoint point_;
+  FacePoint face_{};
   SurfaceQuery query_;
   MaterialResolver::Scratch scratch_;
 };
@@ -182,10 +187,10 @@ Status open(const Store& store, const ReferenceOptions& options, ReferenceState&
   SPILLWAY_ASSIGN(auto parts, load_all(store.attributes_path(), store.attributes(), MemoryTag::attributes,
                                        cache::validate_attribute_block));
   state.attributes = std::make_unique<AttributeStore>(std::move(parts), store.attributes());
-  if (!store.images().empty()) {
-    SPILLWAY_ASSIGN(state.textures,
-                    cache::TextureCache::open(store.textures_path(), store.images(),
-                                              {.memory_limit_bytes = cache::TextureCache::bytes_for_all(store.images())}));
+  if (!store.images().empty() || !store.face_textures().empty()) {
+    const uint64_t bytes = cache::TextureCache::bytes_for_all(store.images(), store.face_containers());
+    SPILLWAY_ASSIGN(state.textures, cache::TextureCache::open(store.textures_path(), store.images(), {.memory_limit_bytes = bytes},
+                                                              store.face_containers(), store.face_textures()));
   }
   state.evaluator = std::make_unique<TextureEvaluator>(store.textures(), state.textures.get());
   const RenderSettings& render = options.settings.render;

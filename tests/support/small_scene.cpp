@@ -7,6 +7,8 @@
 #include <cstdlib>
 #include <vector>
 
+#include "tests/support/face_mesh.h"
+
 namespace spillway::test {
 namespace {
 
@@ -16,6 +18,7 @@ struct MeshData {
   std::vector<Float3> positions, normals;
   std::vector<Float2> uvs;
   std::vector<uint32_t> indices;
+  std::vector<TriangleFace> faces;
 };
 
 // A grid of n x n quads over the parallelogram at `corner`.
@@ -118,6 +121,7 @@ class Builder {
     MeshInput input;
     input.name = fmt::format("mesh {}", count_++);
     input.positions = data.positions, input.normals = data.normals, input.uvs = data.uvs, input.indices = data.indices;
+    input.faces = data.faces;
     input.material = id, input.alpha = alpha, input.object = object;
     input.emits = !is_black(emission), input.emission = emission;
     return packer_.add_mesh(input);
@@ -145,13 +149,50 @@ SceneSettings settings(const SmallSceneOptions& options) {
   return s;
 }
 
-Status add_room(Builder& b, const Param& checks_param, uint32_t bumps) {
+// A wall of 6 x 4 quads with a face texture: faces of a texel to four tiles, some turned, some constant.
+Status add_painted_wall(Builder& b, ScenePacker& packer) {
+  const FaceGrid faces(6, 4, [](uint32_t f) { return f % 4; });
+  cache::FaceTexFormat format;
+  format.type = cache::FaceTexelType::float32;  // so that its tiles outweigh the smallest cache
+  auto infos = faces.faces([](uint32_t f) { return std::pair<uint8_t, uint8_t>{f % 8, (f + 3) % 8}; });
+  infos[9].flags = cache::kFaceIsConstant;
+  SPILLWAY_ASSIGN(const FaceTextureId id, packer.begin_face_texture(format, {"wall", cache::FaceShape::quad, {}, {}, infos}));
+  for (uint32_t f = 0; f < infos.size(); ++f)
+    SPILLWAY_TRY(packer.add_face(painted_face(format, infos[f], cache::FaceShape::quad, [&](double u, double v, uint32_t c) {
+      return 0.4 + 0.3 * std::sin(20 * u + f) * std::cos(17 * v + c);
+    })));
+  TextureNode node;
+  node.kind = TextureKind::face, node.image = id.value;
+  for (float& v : node.value) v = 1;
+  SPILLWAY_ASSIGN(const TextureId texture, packer.add_texture(node));
+  Param painted;
+  painted.texture = texture.value;
+  SPILLWAY_ASSIGN(const MaterialId paint, b.material(MaterialKind::diffuse, painted, 0));
+  MeshData mesh;
+  for (uint32_t j = 0; j <= 4; ++j)
+    for (uint32_t i = 0; i <= 6; ++i) {
+      mesh.positions.push_back({-1.9f, 0.1f + 0.4f * static_cast<float>(j), -1.5f + 0.5f * static_cast<float>(i)});
+      mesh.uvs.push_back({static_cast<float>(i) / 6, static_cast<float>(j) / 4});
+    }
+  for (uint32_t f = 0; f < infos.size(); ++f) {
+    const uint32_t a = f / 6 * 7 + f % 6, square[4] = {a, a + 1, a + 8, a + 7}, turn = f % 4;
+    uint32_t corner[4];
+    for (uint32_t k = 0; k < 4; ++k) corner[k] = square[(k + turn) % 4];
+    mesh.indices.insert(mesh.indices.end(), {corner[0], corner[1], corner[2], corner[0], corner[2], corner[3]});
+    mesh.faces.push_back({f, {0, 1, 2}, false, corner[3]});
+    mesh.faces.push_back({f, {0, 2, 3}, false, corner[1]});
+  }
+  return b.mesh(mesh, paint);
+}
+
+Status add_room(Builder& b, ScenePacker& packer, const Param& checks_param, uint32_t bumps) {
   SPILLWAY_ASSIGN(const Param marble, b.noise(TextureKind::marble));
   SPILLWAY_ASSIGN(const MaterialId walls, b.material(MaterialKind::diffuse, marble, 0));
   SPILLWAY_ASSIGN(const MaterialId floor, b.material(MaterialKind::coated_diffuse, checks_param, 0.1f));
   (void)bumps;
   SPILLWAY_TRY(b.mesh(grid({-2, 0, -2}, {4, 0, 0}, {0, 0, 4}, 24), floor));
   SPILLWAY_TRY(b.mesh(grid({-2, 0, 2}, {4, 0, 0}, {0, 3, 0}, 16), walls));
+  SPILLWAY_TRY(add_painted_wall(b, packer));
   SPILLWAY_ASSIGN(const MaterialId black, b.material(MaterialKind::diffuse, constant(0, 0, 0), 0));
   return b.mesh(grid({-0.5f, 2.9f, -0.5f}, {1, 0, 0}, {0, 0, 1}, 2), black, 0, {}, {12, 11, 9});
 }
@@ -281,7 +322,7 @@ Status add_everything(ScenePacker& packer, const std::filesystem::path& images, 
   SPILLWAY_ASSIGN(const uint32_t wave_texture, b.image("waves.png", 64, 1, waves, 0.05f));
   Param checked;
   checked.texture = check_texture;
-  SPILLWAY_TRY(add_room(b, checked, wave_texture));
+  SPILLWAY_TRY(add_room(b, packer, checked, wave_texture));
   SPILLWAY_TRY(add_objects(b, packer, moves));
   if (options.has_media) SPILLWAY_TRY(add_dividers(b, packer));
   if (options.has_lamps) SPILLWAY_TRY(add_lamps(b, packer));

@@ -16,7 +16,7 @@ Result<PlyMesh> subdivide_loop(const ParamList& params, Place place, uint64_t mo
     return error_at(place, "\"levels\" is {}; it must be from 0 to 12 and make at most {} triangles", levels, most);
   auto mesh = pipeline::refine_loop(cage.positions, cage.indices, static_cast<uint32_t>(levels));
   if (!mesh) return error_at(place, "the mesh of the loopsubdiv {}", mesh.error().message);
-  return PlyMesh{std::move(mesh->positions), std::move(mesh->normals), {}, std::move(mesh->indices), {}};
+  return PlyMesh{std::move(mesh->positions), std::move(mesh->normals), {}, std::move(mesh->indices), {}, {}};
 }
 
 }  // namespace spillway::tools

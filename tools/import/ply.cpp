@@ -211,6 +211,9 @@ class PlyReader {
     }
     mesh_.indices.insert(mesh_.indices.end(), {corner[0], corner[1], corner[2]});
     if (count == 4) mesh_.indices.insert(mesh_.indices.end(), {corner[0], corner[2], corner[3]});
+    if (faces_ != PlyFaces::numbered_triangles) return {};
+    mesh_.faces.push_back({0, {0, 1, 2}, count == 3, count == 4 ? corner[3] : 0});
+    if (count == 4) mesh_.faces.push_back({0, {0, 2, 3}, false, corner[1]});
     return {};
   }
 
@@ -226,8 +229,9 @@ class PlyReader {
   }
 
   Status read_faces(const PlyElement& element) {
-    const PlyProperty* corners = nullptr;
+    const PlyProperty *corners = nullptr, *numbers = nullptr;
     for (const PlyProperty& property : element.properties) {
+      if (property.name == "face_indices" && !property.is_list && is_integer(property.type)) numbers = &property;
       if (property.name != "vertex_indices" && property.name != "vertex_index") continue;
       if (corners != nullptr) return bytes_.fail("faces with both vertex_indices and vertex_index");
       if (!property.is_list || !is_integer(property.type)) {
@@ -237,9 +241,16 @@ class PlyReader {
     }
     if (corners == nullptr) return bytes_.fail("faces without the list vertex_indices");
     for (uint64_t i = 0; i < element.count; ++i) {
+      const size_t first = mesh_.faces.size();
+      uint32_t number = static_cast<uint32_t>(i);
       for (const PlyProperty& property : element.properties) {
-        SPILLWAY_TRY(&property == corners ? read_face(property) : skip_value(property));
+        if (faces_ == PlyFaces::numbered_triangles && &property == numbers) {
+          SPILLWAY_ASSIGN(number, whole(property.type, "a face index"));
+        } else {
+          SPILLWAY_TRY(&property == corners ? read_face(property) : skip_value(property));
+        }
       }
+      for (size_t f = first; f < mesh_.faces.size(); ++f) mesh_.faces[f].face = number;
     }
     return {};
   }

@@ -19,6 +19,7 @@ struct Session {
   ImportReport& report;
   std::filesystem::path folder;        // of the scene: relative names start here, as in pbrt
   std::deque<std::string> file_names;  // what places point at
+  bool has_face_textures = false;      // one was defined: shapes say which face a triangle is of
 
   // The picture will differ from what the scene asks for; the message says what is done instead.
   template <class... Args>

@@ -53,7 +53,9 @@ void rewind_against_normals(PlyMesh& mesh, float side) {
   for (size_t t = 0; t < mesh.indices.size() / 3; ++t) {
     uint32_t* corner = mesh.indices.data() + 3 * t;
     const Float3 shading = mesh.normals[corner[0]] + mesh.normals[corner[1]] + mesh.normals[corner[2]];
-    if (dot(area_vector(mesh, t), shading) * side < 0) std::swap(corner[1], corner[2]);
+    if (dot(area_vector(mesh, t), shading) * side >= 0) continue;
+    std::swap(corner[1], corner[2]);
+    if (!mesh.faces.empty()) std::swap(mesh.faces[t].corner[1], mesh.faces[t].corner[2]);
   }
 }
 
@@ -76,7 +78,15 @@ Result<PlyMesh> read_trianglemesh(const ShapeSource& source) {
   if (const Parameter* tangents = params.find(ParamType::vector3, "S")) {
     session.warn(tangents->place, "tangents \"S\" are not used: they follow from uv");
   }
-  (void)params.find(ParamType::integer, "faceIndices");  // of face textures alone
+  const Parameter* numbers = params.find(ParamType::integer, "faceIndices");  // of face textures alone
+  if (!session.has_face_textures) return mesh;
+  const size_t count = mesh.indices.size() / 3;
+  if (numbers != nullptr) SPILLWAY_TRY(expect_count(*numbers, numbers->integers.size(), count));
+  for (uint32_t t = 0; t < count; ++t) {
+    const int32_t number = numbers != nullptr ? numbers->integers[t] : static_cast<int32_t>(t);
+    if (number < 0) return error_at(numbers->place, "face index {} is negative", number);
+    mesh.faces.push_back({static_cast<uint32_t>(number), {0, 1, 2}, true, 0});
+  }
   return mesh;
 }
 
@@ -91,7 +101,7 @@ Result<PlyMesh> read_plymesh(const ShapeSource& source) {
         session.ignorable(displacement->place, "displaced meshes are not supported yet: remove \"displacement\""));
   }
   name = file->strings[0];
-  Result<PlyMesh> mesh = read_ply(session.resolved(name));
+  Result<PlyMesh> mesh = read_ply(session.resolved(name), session.has_face_textures ? PlyFaces::numbered_triangles : PlyFaces::triangles);
   if (!mesh) return error_at(file->place, "{}", mesh.error().message);
   return mesh;
 }
@@ -176,6 +186,7 @@ Status send_by_power(Session& session, const PlyMesh& mesh, MeshInput input, con
   for (size_t t = 0; t < mesh.indices.size() / 3; ++t) {
     const float area = length(area_vector(mesh, t)) / 2;
     if (!(area > 0)) continue;
+    input.faces = {};  // each of these is a mesh of its own
     input.indices = std::span(mesh.indices).subspan(3 * t, 3);
     PlyMesh one;
     for (const uint32_t corner : input.indices) {
@@ -261,6 +272,7 @@ Status send_shape(Session& session, ReadShape shape) {
   if (shape.cage) return send_cage(session, shape, input);
   input.flip_normals = place_mesh(mesh, state.object_from_shape, state.reverse_orientation);
   input.positions = mesh.positions, input.normals = mesh.normals, input.uvs = mesh.uvs, input.indices = mesh.indices;
+  input.faces = mesh.faces;
   if (!shape.emits()) return send(session, input, shape.place);
   input.emits = true;
   input.emission = state.emission->radiance;

@@ -1,6 +1,7 @@
 // The kinds of Texture: pbrt's parameters as one node each, children first.
 
 #include <algorithm>
+#include <charconv>
 #include <cmath>
 
 #include "shading/noise.h"
@@ -91,7 +92,7 @@ Status read_octaves(const ParamList& params, Place place, TextureNode& node) {
 
 }  // namespace
 
-const std::array<TextureTable::NodeReader, 12> TextureTable::kNodeReaders = {{
+const std::array<TextureTable::NodeReader, 13> TextureTable::kNodeReaders = {{
     {"constant", true, true, &TextureTable::constant_node},
     {"imagemap", true, true, &TextureTable::image_node},
     {"scale", true, true, &TextureTable::scale_node},
@@ -100,11 +101,57 @@ const std::array<TextureTable::NodeReader, 12> TextureTable::kNodeReaders = {{
     {"checkerboard", true, true, &TextureTable::checkerboard_node},
     {"bilerp", true, true, &TextureTable::bilerp_node},
     {"dots", true, true, &TextureTable::dots_node},
+    {"ptex", true, true, &TextureTable::face_node},
     {"fbm", true, false, &TextureTable::noise_node},
     {"wrinkled", true, false, &TextureTable::noise_node},
     {"windy", true, false, &TextureTable::noise_node},
     {"marble", false, true, &TextureTable::noise_node},
 }};
+
+namespace {
+
+// pbrt's encodings; its default for face textures is a gamma.
+Result<pipeline::TexelCurve> read_curve(const ParamList& params) {
+  SPILLWAY_ASSIGN(const std::string name, params.string("encoding", "gamma 2.2"));
+  if (name == "linear") return pipeline::TexelCurve{};
+  if (name == "sRGB") return pipeline::TexelCurve{cache::FaceTexEncoding::srgb, 1};
+  constexpr std::string_view kGamma = "gamma ";
+  float gamma = 0;
+  const char* const end = name.data() + name.size();
+  if (name.starts_with(kGamma)) {
+    const auto [rest, code] = std::from_chars(name.data() + kGamma.size(), end, gamma);
+    if (code == std::errc() && rest == end && gamma > 0 && std::isfinite(gamma))
+      return pipeline::TexelCurve{cache::FaceTexEncoding::gamma, gamma};
+  }
+  return error_at(params.find(ParamType::string, "encoding")->place,
+                  "encoding \"{}\" is not supported: use \"sRGB\", \"linear\" or \"gamma\" and a number", name);
+}
+
+}  // namespace
+
+// The level for a footprint is chosen at random; with "string filter" "trilinear", which pbrt does not know, two are
+// blended.
+Result<TextureNode> TextureTable::face_node(TextureValue value, const Definition& definition) {
+  const ParamList& params = definition.params;
+  TextureNode node;
+  node.kind = TextureKind::face;
+  node.is_float = value == TextureValue::real;
+  SPILLWAY_ASSIGN(const float scale, params.real("scale", 1));
+  set_rgb(node, {scale, scale, scale});
+  SPILLWAY_ASSIGN(const std::string filter, params.string("filter", "stochastic"));
+  if (filter != "stochastic" && filter != "trilinear")
+    return error_at(params.find(ParamType::string, "filter")->place,
+                    "filter \"{}\" is not one of face textures: use \"stochastic\" or \"trilinear\"", filter);
+  if (filter == "trilinear") node.filter = cache::TexelFilter::trilinear;
+  const Parameter* file = params.find(ParamType::string, "filename");
+  if (file == nullptr) return error_at(definition.place, "ptex without \"string filename\"");
+  SPILLWAY_TRY(expect_count(*file, file->strings.size(), 1));
+  SPILLWAY_ASSIGN(const pipeline::TexelCurve curve, read_curve(params));
+  const Result<FaceTextureId> id = session_.sink.add_face_texture(session_.resolved(file->strings[0]), curve);
+  if (!id) return error_at(file->place, "{}", id.error().message);
+  node.image = id->value;
+  return node;
+}
 
 Status TextureTable::set_place(const Definition& definition, TextureMapping mapping, TextureNode& node) {
   node.mapping = mapping;

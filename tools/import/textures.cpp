@@ -38,6 +38,7 @@ Status TextureTable::define(TextureValue value, const Token& name, std::string t
     return error_at(name.place, "texture {} is defined twice (first at {}): rename one", to_string(name),
                     to_string(at->second.place));
   }
+  session_.has_face_textures = session_.has_face_textures || type == "ptex";
   at->second.type = std::move(type);
   at->second.params = std::move(params);
   at->second.place = place;

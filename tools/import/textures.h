@@ -65,7 +65,7 @@ class TextureTable {
     Result<pipeline::TextureNode> (TextureTable::*read)(TextureValue, const Definition&);
     [[nodiscard]] bool serves(TextureValue value) const { return value == TextureValue::real ? real : spectrum; }
   };
-  static const std::array<NodeReader, 12> kNodeReaders;
+  static const std::array<NodeReader, 13> kNodeReaders;
   static const NodeReader* find_reader(std::string_view type, TextureValue value);
   static Error unknown_type(TextureValue value, const std::string& name, const Definition& definition);
   Result<pipeline::TextureNode> constant_node(TextureValue value, const Definition& definition);
@@ -76,6 +76,7 @@ class TextureTable {
   Result<pipeline::TextureNode> bilerp_node(TextureValue value, const Definition& definition);
   Result<pipeline::TextureNode> direction_mix_node(TextureValue value, const Definition& definition);
   Result<pipeline::TextureNode> dots_node(TextureValue value, const Definition& definition);
+  Result<pipeline::TextureNode> face_node(TextureValue value, const Definition& definition);
   Result<pipeline::TextureNode> noise_node(TextureValue value, const Definition& definition);
   Status set_place(const Definition& definition, pipeline::TextureMapping mapping, pipeline::TextureNode& node);
   Status read_mapping(const Definition& definition, pipeline::TextureNode& node);

@@ -1,10 +1,10 @@
-#include "tests/support/ptx_writer.h"
+#include "pipeline/pack/ptx_writer.h"
 
 #include <zlib.h>
 
 #include <cstring>
 
-namespace spillway::test {
+namespace spillway::pipeline {
 namespace {
 
 using Bytes = std::vector<std::byte>;
@@ -169,4 +169,4 @@ std::vector<std::byte> ptx_bytes(const PtxDescription& d) {
   return out;
 }
 
-}  // namespace spillway::test
+}  // namespace spillway::pipeline

@@ -7,7 +7,7 @@
 
 #include "pipeline/pack/ptx_file.h"
 
-namespace spillway::test {
+namespace spillway::pipeline {
 
 enum class PtxEncoding : uint32_t { constant, deflated, differences, tiled };
 
@@ -26,7 +26,7 @@ struct PtxEdit {
 };
 
 struct PtxDescription {
-  pipeline::PtxInfo info;
+  PtxInfo info;
   std::vector<PtxFace> faces;
   std::vector<std::vector<PtxFace>> reductions;  // levels from 1 on, in the order of the file
   std::vector<PtxEdit> edits;
@@ -36,4 +36,4 @@ struct PtxDescription {
 
 std::vector<std::byte> ptx_bytes(const PtxDescription& description);
 
-}  // namespace spillway::test
+}  // namespace spillway::pipeline

@@ -1,0 +1,48 @@
+#pragma once
+
+// One lookup in a face texture: which level, and which texels of the face and of its neighbours.
+//
+// Inside a level texels are blended bilinearly, of triangles by their distance in the lattice. Beyond an edge lies the
+// neighbour's level whose texels are as large as ours or larger; where it has such ones alone, the texel that holds the
+// place. What lies beyond a corner where not four quads meet has no part; nor has what lies beyond a triangle's border.
+
+#include <cstdint>
+#include <vector>
+
+#include "cache/facetex_texel.h"
+#include "cache/tile_cache.h"
+
+namespace spillway::cache {
+
+enum class FaceLevelChoice : uint32_t {
+  stochastic,  // of the two levels one, by the request's random number
+  trilinear    // both
+};
+
+struct FaceTextureRequest {
+  uint32_t texture;  // of the cache
+  uint32_t face;
+  float u, v;              // on the face
+  float width_u, width_v;  // footprint in u and v; 0 asks for the finest level
+  float random;            // in [0, 1)
+  FaceLevelChoice choice;
+};
+
+// A texture, with what a lookup needs of its file.
+struct FaceTexture {
+  const FaceTexFile* file = nullptr;
+  const FaceTexTexture* texture = nullptr;
+  std::span<const FaceInfo> faces;
+  std::span<const uint32_t> numbers;
+  const FaceTexDecoder* decoder = nullptr;
+  const TileFile* tiles = nullptr;
+  uint32_t owner = 0;  // of the counters
+};
+
+// Adds the linear value to sum[0 .. channels); false when a tile cannot be read.
+bool look_up_face(TileThread& thread, const FaceTexture& texture, const FaceTextureRequest& request, float* sum);
+
+// Appends the numbers, in the file, of the tiles that the request needs of its own face.
+void append_face_tiles(const FaceTexture& texture, const FaceTextureRequest& request, std::vector<uint64_t>& tiles);
+
+}  // namespace spillway::cache

@@ -1,0 +1,190 @@
+#include "cache/facetex_source.h"
+
+#include <OpenImageIO/imageio.h>
+
+#include <mutex>
+
+#include "cache/base/parallel_status.h"
+
+namespace spillway::cache {
+namespace {
+
+// Sources by path: an ImageInput knows nothing but a name.
+struct Registry {
+  std::mutex mutex;
+  std::map<std::string, const FaceTexSource*> sources;
+};
+Registry& registry() {
+  static Registry* const made = new Registry;  // outlives every input
+  return *made;
+}
+
+OIIO::TypeDesc type_of(FaceTexelType type) {
+  switch (type) {
+    case FaceTexelType::uint8:
+      return OIIO::TypeUInt8;
+    case FaceTexelType::uint16:
+      return OIIO::TypeUInt16;
+    case FaceTexelType::half:
+      return OIIO::TypeHalf;
+    case FaceTexelType::float32:
+      break;
+  }
+  return OIIO::TypeFloat;
+}
+
+class FaceTexInput final : public OIIO::ImageInput {
+ public:
+  const char* format_name() const override { return "facetex"; }
+  int supports(OIIO::string_view feature) const override { return feature == "multiimage" ? 1 : 0; }
+  bool valid_file(const std::string& name) const override { return FaceTexFile::is_face_tex(name); }
+
+  bool open(const std::string& name, OIIO::ImageSpec& spec) override {
+    {
+      Registry& known = registry();
+      const std::lock_guard lock(known.mutex);
+      const auto found = known.sources.find(name);
+      source_ = found == known.sources.end() ? nullptr : found->second;
+    }
+    if (source_ == nullptr) {
+      auto opened = FaceTexSource::open(name, {});
+      if (!opened) return tell(opened.error());
+      own_ = std::move(*opened);
+      source_ = own_.get();
+    }
+    if (source_->file().images().empty()) return tell(spillway::error("{}: has no textures", name));
+    seek_subimage(0, 0);
+    spec = m_spec;
+    return true;
+  }
+  bool close() override {
+    own_.reset();
+    source_ = nullptr;
+    return true;
+  }
+  int current_subimage() const override { return subimage_; }
+  bool seek_subimage(int subimage, int miplevel) override {
+    if (source_ == nullptr || subimage < 0 || static_cast<size_t>(subimage) >= source_->file().images().size() ||
+        miplevel != 0)
+      return false;
+    subimage_ = subimage;
+    m_spec = spec_of(subimage);
+    return true;
+  }
+  // Without the base class's seek and lock: any number of threads ask at once.
+  OIIO::ImageSpec spec(int subimage, int miplevel) override {
+    const bool is_one = source_ != nullptr && subimage >= 0 &&
+                        static_cast<size_t>(subimage) < source_->file().images().size() && miplevel == 0;
+    return is_one ? spec_of(subimage) : OIIO::ImageSpec();
+  }
+  OIIO::ImageSpec spec_dimensions(int subimage, int miplevel) override { return spec(subimage, miplevel); }
+
+  bool read_native_scanline(int, int, int, int, void*) override {
+    return tell(spillway::error("a .facetex file is read in tiles"));
+  }
+  bool read_native_tile(int subimage, int miplevel, int x, int y, int, void* data) override {
+    const auto images = source_->file().images();
+    if (miplevel != 0 || subimage < 0 || static_cast<size_t>(subimage) >= images.size()) return false;
+    const FaceTexImage& image = images[static_cast<size_t>(subimage)];
+    const uint64_t tile = image.first_tile + uint64_t{static_cast<uint32_t>(y) / kFaceTileSize} * image.tiles_across() +
+                          static_cast<uint32_t>(x) / kFaceTileSize;
+    const Status read =
+        source_->read_tile(tile, {static_cast<std::byte*>(data), source_->file().format().tile_bytes()});
+    return read ? true : tell(read.error());
+  }
+
+ private:
+  bool tell(const Error& problem) {
+    errorfmt("{}", problem.message);
+    return false;
+  }
+  OIIO::ImageSpec spec_of(int subimage) const {
+    const FaceTexFormat& format = source_->file().format();
+    const FaceTexImage& image = source_->file().images()[static_cast<size_t>(subimage)];
+    OIIO::ImageSpec spec(static_cast<int>(image.width), static_cast<int>(image.height),
+                         static_cast<int>(format.channels), type_of(format.type));
+    spec.tile_width = spec.tile_height = static_cast<int>(kFaceTileSize);
+    spec.alpha_channel = format.alpha_channel;
+    spec.attribute("oiio:subimages", static_cast<int>(source_->file().images().size()));
+    spec.attribute("oiio:subimagename",
+                   fmt::format("{}x{}.level{}", 1u << source_->file().classes()[image.class_index].ulog2,
+                               1u << source_->file().classes()[image.class_index].vlog2, image.level));
+    spec.attribute("facetex:faces", static_cast<int>(std::min<uint64_t>(image.face_count, INT32_MAX)));
+    spec.attribute("facetex:face_width", 1 << image.ulog2);
+    spec.attribute("facetex:face_height", 1 << image.vlog2);
+    if (format.encoding == FaceTexEncoding::srgb) spec.attribute("oiio:ColorSpace", "sRGB");
+    if (format.encoding == FaceTexEncoding::gamma) spec.attribute("oiio:Gamma", format.gamma);
+    return spec;
+  }
+
+  const FaceTexSource* source_ = nullptr;
+  std::unique_ptr<FaceTexSource> own_;
+  int subimage_ = 0;
+};
+
+}  // namespace
+
+ReadTally& thread_read_tally() {
+  static thread_local ReadTally tally;
+  return tally;
+}
+
+Result<std::unique_ptr<FaceTexSource>> FaceTexSource::open(const std::filesystem::path& path,
+                                                           FaceTexFile::Options options) {
+  SPILLWAY_ASSIGN(FaceTexFile file, FaceTexFile::open(path, options));
+  std::unique_ptr<FaceTexSource> source(new FaceTexSource(std::move(file)));
+  Registry& known = registry();
+  const std::lock_guard lock(known.mutex);
+  known.sources.try_emplace(path.string(), source.get());
+  return source;
+}
+
+FaceTexSource::~FaceTexSource() {
+  Registry& known = registry();
+  const std::lock_guard lock(known.mutex);
+  const auto found = known.sources.find(file_.path().string());
+  if (found != known.sources.end() && found->second == this) known.sources.erase(found);
+}
+
+Status FaceTexSource::read_tile(uint64_t number, std::span<std::byte> out) const {
+  ReadTally& tally = thread_read_tally();
+  tally.tiles += 1;
+  const auto staged = staged_at_.find(number);
+  if (staged == staged_at_.end()) {
+    tally.bytes += file_.tiles()[number].size_bytes;
+    return file_.read_tile(number, out);
+  }
+  return file_.decode_tile(number, {staged_.data() + staged->second, file_.tiles()[number].size_bytes}, out);
+}
+
+Result<size_t> FaceTexSource::stage(std::span<const uint64_t> tiles, uint64_t limit_bytes) {
+  struct Run {
+    uint64_t offset, size, place;
+  };
+  staged_at_.clear();
+  std::vector<Run> runs;
+  uint64_t staged_bytes = 0;
+  for (const uint64_t number : tiles) {
+    const FaceTexTile& tile = file_.tiles()[number];
+    if (staged_bytes + tile.size_bytes > limit_bytes) break;
+    const bool follows = !runs.empty() && runs.back().offset + runs.back().size == tile.offset &&
+                         runs.back().size + tile.size_bytes <= kRunBytes;
+    if (!follows) runs.push_back({tile.offset, 0, staged_bytes});
+    runs.back().size += tile.size_bytes;
+    staged_at_.emplace_hint(staged_at_.end(), number, staged_bytes);
+    staged_bytes += tile.size_bytes;
+  }
+  staged_.renew(MemoryTag::textures, staged_bytes);
+  const Status read = parallel_status(runs.size(), [&](size_t i) {
+    return file_.read(runs[i].offset, {staged_.data() + runs[i].place, runs[i].size});
+  });
+  if (!read) {
+    staged_at_.clear();
+    return read.error();
+  }
+  return staged_at_.size();
+}
+
+void* make_facetex_input() { return static_cast<OIIO::ImageInput*>(new FaceTexInput); }
+
+}  // namespace spillway::cache

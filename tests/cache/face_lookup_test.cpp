@@ -1,0 +1,275 @@
+// Lookups in face textures: inside faces, across edges, at borders, by footprint; for any budget.
+
+#include "cache/face_lookup.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstring>
+#include <fstream>
+#include <random>
+
+#include "cache/texture_cache.h"
+#include "tests/support/face_mesh.h"
+#include "tests/support/small_scene.h"
+
+namespace spillway::cache {
+namespace {
+
+using test::FaceGrid;
+using Paint = std::function<double(double, double, uint32_t)>;  // of a place in the plane
+
+class FaceLookupTest : public testing::Test {
+ protected:
+  static constexpr FaceTexFormat kFloats{FaceTexelType::float32, 3, -1, FaceTexEncoding::linear, 1, FaceTexCodec::lz4};
+
+  // Paints the grid and opens it.
+  void open(const FaceGrid& grid, std::vector<FaceInfo> faces, const Paint& paint,
+            FaceBorder border = FaceBorder::clamp, const FaceTexFormat& format = kFloats) {
+    auto writer = FaceTexWriter::create(directory_.path() / "a.facetex", format);
+    ASSERT_TRUE(writer) << writer.error().message;
+    ASSERT_TRUE((*writer)->begin_texture({"grid", FaceShape::quad, border, border, faces}));
+    for (uint32_t f = 0; f < faces.size(); ++f) {
+      const auto texels = test::painted_face(format, faces[f], FaceShape::quad, [&](double u, double v, uint32_t c) {
+        const FaceGrid::Place p = grid.place(f, u, v);
+        return paint(p.x, p.y, c);
+      });
+      ASSERT_TRUE((*writer)->add_face(texels));
+    }
+    ASSERT_TRUE((*writer)->finish());
+    reopen(FaceShape::quad, static_cast<uint32_t>(faces.size()), format.channels);
+  }
+  void reopen(FaceShape shape, uint32_t face_count, uint32_t channels, uint64_t limit = 64 << 20) {
+    cache_.reset();
+    const auto file = FaceTexFile::open(directory_.path() / "a.facetex", {});
+    ASSERT_TRUE(file) << file.error().message;
+    FaceContainerInfo info{"a.facetex", face_count, file->tiles().size(),
+                           static_cast<uint32_t>(file->format().tile_bytes()),
+                           static_cast<uint32_t>(file->images().size())};
+    const FaceTextureInfo texture{0, 0, face_count, shape, channels, {}};
+    auto cache = TextureCache::open(directory_.path(), {}, {.memory_limit_bytes = limit}, std::span(&info, 1),
+                                    std::span(&texture, 1));
+    ASSERT_TRUE(cache) << cache.error().message;
+    cache_ = std::move(*cache);
+  }
+  Texel look_up(const FaceTextureRequest& request) {
+    Texel texel{};
+    const Status status = cache_->look_up_faces({&request, 1}, {&texel, 1});
+    EXPECT_TRUE(status) << status.error().message;
+    return texel;
+  }
+  Texel at(uint32_t face, double u, double v, double width = 0, float random = 0.5f,
+           FaceLevelChoice choice = FaceLevelChoice::stochastic) {
+    return look_up({0, face, static_cast<float>(u), static_cast<float>(v), static_cast<float>(width),
+                    static_cast<float>(width), random, choice});
+  }
+
+  test::TemporaryDirectory directory_;
+  std::unique_ptr<TextureCache> cache_;
+};
+
+std::pair<uint8_t, uint8_t> all_of(uint8_t log2) { return {log2, log2}; }
+double ramp(double x, double y, uint32_t c) { return 1 + 0.3 * x + (0.2 + 0.1 * c) * y; }
+
+TEST_F(FaceLookupTest, inside_a_face_and_across_its_edges_a_ramp_is_a_ramp_however_faces_are_turned) {
+  const FaceGrid grid(4, 4, [](uint32_t f) { return f * 7 % 4; });
+  open(grid, grid.faces([](uint32_t) { return all_of(4); }), ramp);
+  std::mt19937 random(3);
+  std::uniform_real_distribution<double> unit(0, 1);
+  for (int i = 0; i < 4000; ++i) {
+    const uint32_t face = i % 2 ? 5 + static_cast<uint32_t>(random() % 2) + 4 * static_cast<uint32_t>(random() % 2)
+                                : 5;  // the inner four
+    double u = unit(random), v = unit(random);
+    if (i % 4 == 1) u = i % 8 == 1 ? 0 : 1;  // on an edge, and in a corner
+    if (i % 16 == 1) v = 1;
+    const auto p = grid.place(face, u, v);
+    const Texel texel = at(face, u, v);
+    for (uint32_t c = 0; c < 3; ++c)
+      ASSERT_NEAR(texel.value[c], ramp(p.x, p.y, c), 2e-6) << face << ' ' << u << ' ' << v;
+  }
+}
+
+TEST_F(FaceLookupTest, large_faces_are_a_ramp_across_their_tiles) {
+  const FaceGrid grid(1, 1);
+  open(grid, grid.faces([](uint32_t) { return std::pair<uint8_t, uint8_t>{8, 7}; }), ramp);
+  for (double u = 0.01; u < 0.99; u += 0.013)
+    for (double v = 0.01; v < 0.99; v += 0.017) ASSERT_NEAR(at(0, u, v).value[1], ramp(u, v, 1), 2e-6) << u << ' ' << v;
+}
+
+TEST_F(FaceLookupTest, both_sides_of_an_edge_agree_where_texels_are_of_one_size) {
+  const FaceGrid grid(2, 1, [](uint32_t f) { return f == 0 ? 1u : 2u; });
+  std::mt19937 random(9);
+  std::vector<double> noise(1 << 16);
+  for (double& n : noise) n = static_cast<double>(random() % 1000) / 1000;
+  open(grid, grid.faces([](uint32_t) { return all_of(5); }), [&](double x, double y, uint32_t c) {
+    return noise[static_cast<size_t>(x * 32) * 97 % 600 * 100 + static_cast<size_t>(y * 32) * 3 + c];
+  });
+  for (double y = 0; y <= 1; y += 0.01) {
+    // The right side of face 0, and the left of face 1, as each counts.
+    const Texel left = at(0, y, 0), right = at(1, 1, 1 - y);
+    for (int c = 0; c < 3; ++c) ASSERT_NEAR(left.value[c], right.value[c], 2e-6) << y;
+  }
+}
+
+TEST_F(FaceLookupTest, one_colour_is_one_colour_for_any_sizes_footprints_and_constant_faces) {
+  const FaceGrid grid(5, 5, [](uint32_t f) { return f * 3 % 4; });
+  auto faces = grid.faces([](uint32_t f) { return std::pair<uint8_t, uint8_t>{f * 5 % 8, f * 3 % 7}; });
+  for (const uint32_t f : {3u, 12u, 17u}) faces[f].flags = kFaceIsConstant;
+  open(grid, faces, [](double, double, uint32_t c) { return 0.25 + 0.25 * c; });
+  for (uint32_t f = 0; f < 25; ++f)
+    for (const double width : {0.0, 0.03, 0.2, 0.9, 5.0})
+      for (const double u : {0.0, 0.001, 0.37, 0.999, 1.0})
+        for (const double v : {0.0, 0.5, 1.0})
+          for (const auto choice : {FaceLevelChoice::stochastic, FaceLevelChoice::trilinear}) {
+            const Texel texel = at(f, u, v, width, 0.3f, choice);
+            ASSERT_NEAR(texel.value[0], 0.25, 1e-6);
+            ASSERT_NEAR(texel.value[2], 0.75, 1e-6);
+          }
+}
+
+TEST_F(FaceLookupTest, a_coarser_neighbour_is_met_half_way_and_a_finer_one_at_our_size) {
+  const FaceGrid grid(2, 1);
+  open(grid, grid.faces([](uint32_t f) { return all_of(f == 0 ? 5 : 2); }),
+       [](double x, double, uint32_t) { return x < 1 ? 0.0 : 1.0; });
+  EXPECT_NEAR(at(0, 1, 0.5).value[0], 0.5, 1e-6);
+  EXPECT_NEAR(at(1, 0, 0.5).value[0], 0.5, 1e-6);
+  EXPECT_NEAR(at(0, 0.9, 0.5).value[0], 0, 1e-6);
+}
+
+TEST_F(FaceLookupTest, borders_clamp_darken_or_repeat) {
+  const FaceGrid grid(1, 1);
+  const auto faces = grid.faces([](uint32_t) { return all_of(2); });
+  const Paint paint = [](double x, double, uint32_t) { return x < 0.5 ? 1.0 : 3.0; };
+  open(grid, faces, paint, FaceBorder::clamp);
+  EXPECT_NEAR(at(0, 0, 0.5).value[0], 1, 1e-6);
+  open(grid, faces, paint, FaceBorder::black);
+  EXPECT_NEAR(at(0, 0, 0.5).value[0], 0.5, 1e-6);
+  open(grid, faces, paint, FaceBorder::periodic);
+  EXPECT_NEAR(at(0, 0, 0.5).value[0], 2, 1e-6);
+}
+
+TEST_F(FaceLookupTest, a_footprint_of_four_texels_sees_the_second_level) {
+  const FaceGrid grid(1, 1);
+  // Stripes of one texel: grey from the first level on.
+  open(grid, grid.faces([](uint32_t) { return all_of(6); }),
+       [](double x, double, uint32_t) { return std::fmod(x * 64, 2) < 1 ? 0.0 : 1.0; });
+  EXPECT_NEAR(at(0, 8.5 / 64, 0.5, 1.0 / 64).value[0], 0, 1e-6);
+  EXPECT_NEAR(at(0, 8.5 / 64, 0.5, 4.0 / 64).value[0], 0.5, 1e-6);
+  EXPECT_NEAR(at(0, 8.5 / 64, 0.5, 1.5 / 64, 0, FaceLevelChoice::trilinear).value[0], 0.25, 1e-6);
+}
+
+TEST_F(FaceLookupTest, levels_chosen_at_random_have_the_blend_as_their_mean) {
+  const FaceGrid grid(1, 1);
+  open(grid, grid.faces([](uint32_t) { return all_of(5); }),
+       [](double x, double y, uint32_t) { return std::sin(40 * x) * std::cos(31 * y) + 2; });
+  for (const double width : {0.05, 0.11, 0.3}) {
+    double sum = 0;
+    for (int i = 0; i < 1000; ++i) sum += at(0, 0.4, 0.3, width, (static_cast<float>(i) + 0.5f) / 1000).value[0];
+    EXPECT_NEAR(sum / 1000, at(0, 0.4, 0.3, width, 0, FaceLevelChoice::trilinear).value[0], 2e-3) << width;
+  }
+}
+
+TEST_F(FaceLookupTest, texels_decode_by_their_encoding_and_alpha_does_not) {
+  const FaceGrid grid(1, 1);
+  const FaceTexFormat format{FaceTexelType::uint8, 4, 3, FaceTexEncoding::gamma, 2, FaceTexCodec::lz4};
+  open(
+      grid, grid.faces([](uint32_t) { return all_of(0); }),
+      [](double, double, uint32_t c) { return c == 3 ? 0.4 : 0.16; }, FaceBorder::clamp, format);
+  const Texel texel = at(0, 0.5, 0.5);
+  EXPECT_NEAR(texel.value[0], 0.16, 1e-6);  // stored as 102 of 255
+  EXPECT_NEAR(texel.value[3], 0.4, 1e-6);
+}
+
+TEST_F(FaceLookupTest, values_do_not_depend_on_the_budget_or_on_reading_ahead_and_counters_tell_them_apart) {
+  const FaceGrid grid(8, 8);
+  open(grid, grid.faces([](uint32_t f) {
+    return std::pair<uint8_t, uint8_t>{f % 3 + 5, 7 - f % 2};
+  }),
+       [](double x, double y, uint32_t c) { return std::fmod(x * 37.7 + y * 91.3 + c, 1.0); });
+  std::vector<FaceTextureRequest> requests;
+  std::mt19937 random(1);
+  for (uint32_t f = 0; f < 64; ++f)
+    for (int i = 0; i < 200; ++i)
+      requests.push_back({0, f, static_cast<float>(random() % 1000) / 1000, static_cast<float>(random() % 1000) / 1000,
+                          0.004f, 0.004f, static_cast<float>(random() % 1000) / 1000, FaceLevelChoice::stochastic});
+  std::vector<Texel> wanted(requests.size()), got(requests.size());
+  ASSERT_TRUE(cache_->look_up_faces(requests, wanted));
+  const TextureCounters all = cache_->counters();
+  EXPECT_EQ(all.lookups, requests.size());
+  EXPECT_EQ(all.tiles_read_again, 0u);
+  EXPECT_EQ(all.tiles_read, all.tiles_touched);
+  EXPECT_EQ(all.bytes_read, all.unique_bytes);
+  // Little fits: orders that come back read again, sorted ones do not.
+  reopen(FaceShape::quad, 64, 3, 3 << 20);
+  cache_->begin_wave();
+  ASSERT_TRUE(cache_->stage_faces(requests));
+  ASSERT_TRUE(cache_->look_up_faces(requests, got));
+  EXPECT_EQ(std::memcmp(wanted.data(), got.data(), wanted.size() * sizeof(Texel)), 0);
+  std::vector<FaceTextureRequest> mixed = requests;
+  std::shuffle(mixed.begin(), mixed.end(), random);
+  const TextureCounters sorted = cache_->counters();
+  EXPECT_LE(static_cast<double>(sorted.bytes_read), 1.05 * static_cast<double>(sorted.wave_unique_bytes));
+  cache_->begin_wave();
+  ASSERT_TRUE(cache_->look_up_faces(mixed, got));
+  const TextureCounters now = gained(cache_->counters(), sorted);
+  EXPECT_GT(now.tiles_read_again, 100u);
+  EXPECT_GT(now.bytes_read, 2 * now.wave_unique_bytes);
+  EXPECT_GT(cache_->limit_for_waves(), uint64_t{3} << 20);
+}
+
+TEST_F(FaceLookupTest, a_face_that_there_is_not_is_an_error) {
+  const FaceGrid grid(1, 1);
+  open(grid, grid.faces([](uint32_t) { return all_of(2); }), ramp);
+  const FaceTextureRequest request{0, 1, 0.5f, 0.5f, 0, 0, 0, FaceLevelChoice::stochastic};
+  Texel texel{};
+  EXPECT_FALSE(cache_->look_up_faces({&request, 1}, {&texel, 1}));
+}
+
+TEST_F(FaceLookupTest, a_damaged_tile_is_an_error_that_names_the_file) {
+  const FaceGrid grid(1, 1);
+  open(grid, grid.faces([](uint32_t) { return all_of(2); }), ramp);
+  cache_.reset();
+  {
+    std::fstream file(directory_.path() / "a.facetex", std::ios::in | std::ios::out | std::ios::binary);
+    file.seekp(30), file.put('x');
+  }
+  reopen(FaceShape::quad, 1, 3);
+  const FaceTextureRequest request{0, 0, 0.5f, 0.5f, 0, 0, 0, FaceLevelChoice::stochastic};
+  Texel texel{};
+  const Status status = cache_->look_up_faces({&request, 1}, {&texel, 1});
+  ASSERT_FALSE(status);
+  EXPECT_NE(status.error().message.find("a.facetex"), std::string::npos) << status.error().message;
+}
+
+// Two triangles that make a unit square; their common edge is edge 1 of both.
+TEST_F(FaceLookupTest, triangles_keep_one_colour_and_join_at_their_edge) {
+  std::vector<FaceInfo> faces(2);
+  for (uint32_t f = 0; f < 2; ++f) {
+    faces[f].ulog2 = faces[f].vlog2 = 4;
+    faces[f].adjacent_faces[1] = 1 - f, faces[f].adjacent_edges = 1 << 2;
+  }
+  auto writer = FaceTexWriter::create(directory_.path() / "a.facetex", kFloats);
+  ASSERT_TRUE(writer);
+  ASSERT_TRUE((*writer)->begin_texture({"two", FaceShape::triangle, FaceBorder::clamp, FaceBorder::clamp, faces}));
+  for (uint32_t f = 0; f < 2; ++f)
+    ASSERT_TRUE((*writer)->add_face(
+        test::painted_face(kFloats, faces[f], FaceShape::triangle, [&](double u, double v, uint32_t c) {
+          const double x = f == 0 ? u : 1 - u, y = f == 0 ? v : 1 - v;
+          return c == 0 ? 0.5 : c == 1 ? x + 2 * y : std::fmod(37.7 * x + 11.1 * y, 1.0);
+        })));
+  ASSERT_TRUE((*writer)->finish());
+  reopen(FaceShape::triangle, 2, 3);
+  for (double u = 0.02; u < 1; u += 0.03) {
+    const Texel here = at(0, u, 1 - u), there = at(1, 1 - u, u);
+    ASSERT_NEAR(here.value[0], 0.5, 1e-6);
+    ASSERT_NEAR(here.value[2], there.value[2], 2e-5) << u;
+    // A ramp within a lattice step.
+    for (double v = 0.1; v + u < 0.9; v += 0.05)
+      ASSERT_NEAR(at(0, u, v).value[1], u + 2 * v, 3.0 / 16 * 0.5) << u << ' ' << v;
+  }
+  // The coarser levels keep the mean.
+  EXPECT_NEAR(at(0, 1.0 / 3, 1.0 / 3, 100).value[1] + at(1, 1.0 / 3, 1.0 / 3, 100).value[1], 3, 1e-5);
+}
+
+}  // namespace
+}  // namespace spillway::cache
