@@ -1,6 +1,7 @@
 #include <tbb/global_control.h>
 #include <tbb/task_arena.h>
 
+#include <charconv>
 #include <map>
 #include <memory>
 
@@ -9,7 +10,9 @@
 #include "tools/city/manifest.h"
 #include "tools/city/pbrt_sink.h"
 #include "tools/commands.h"
+#include "tools/open_scene.h"
 #include "tools/sizes.h"
+#include "tools/write_text.h"
 
 namespace spillway::tools {
 namespace {
@@ -21,16 +24,16 @@ using city::CityOptions;
 struct CityArguments {
   CityOptions city;
   fs::path output;
-  std::string format = "pbrt", terrain = "full", memory;
+  std::string format = "pbrt", terrain = "full", memory, frames, geometry, textures;
   uint64_t street_lights = 0, trees = 0, cars = 0;
+  float edge_length_px = pipeline::DiceOptions{}.edge_length_px;
   uint32_t threads = 0;
   bool dry_run = false, quiet = false;
 };
 
-Status write_text(const fs::path& path, const std::string& text) {
-  SPILLWAY_ASSIGN(cache::WriteFile file, cache::WriteFile::create(path, cache::IoPurpose::scene));
-  SPILLWAY_TRY(file.append(std::as_bytes(std::span(text))));
-  return file.commit();
+std::pair<const char*, std::errc> from_digits(const char* first, const char* last, uint32_t& value) {
+  const auto [at, code] = std::from_chars(first, last, value);
+  return {at, code};
 }
 
 Result<std::unique_ptr<pipeline::SceneSink>> make_sink(const CityArguments& a) {
@@ -39,8 +42,10 @@ Result<std::unique_ptr<pipeline::SceneSink>> make_sink(const CityArguments& a) {
     return std::unique_ptr<pipeline::SceneSink>(std::move(sink));
   }
   pipeline::PackOptions pack;
+  pack.dice.edge_length_px = a.edge_length_px;
   if (!a.memory.empty()) {
-    SPILLWAY_ASSIGN(pack.memory_limit_bytes, parse_bytes(a.memory));
+    SPILLWAY_ASSIGN(const uint64_t bytes, parse_bytes(a.memory));
+    SPILLWAY_ASSIGN(pack.memory_limit_bytes, pack_limit_bytes(bytes));
   }
   SPILLWAY_ASSIGN(auto packer, pipeline::ScenePacker::create(a.output / "city.store", pack));
   return std::unique_ptr<pipeline::SceneSink>(std::move(packer));
@@ -59,17 +64,40 @@ Status check_space(const City& plan, const fs::path& folder) {
 Status write_city(const CityArguments& a, const City& plan) {
   std::error_code code;
   fs::create_directories(a.output, code);
-  if (!fs::is_directory(a.output, code)) return error("{}: cannot be made a directory; name another folder", a.output.string());
+  if (!fs::is_directory(a.output, code))
+    return error("{}: cannot be made a directory; name another folder", a.output.string());
   SPILLWAY_TRY(check_space(plan, a.output));
   fs::remove(a.output / "manifest.json", code);
   SPILLWAY_TRY(city::write_sky(a.output / "sky.exr", a.city.time));
   SPILLWAY_ASSIGN(const auto sink, make_sink(a));
   SPILLWAY_TRY(plan.emit(*sink, a.output / "sky.exr"));
   SPILLWAY_TRY(sink->finish());
+  if (const auto* packer = dynamic_cast<const pipeline::ScenePacker*>(sink.get()); packer && !a.quiet)
+    fmt::print(stderr, "{}", report_table(packer->report()));
   return write_text(a.output / "manifest.json", city::manifest_json(plan, a.city));
 }
 
+// "5" or "5-20".
+Status read_frames(CityArguments& a) {
+  if (a.frames.empty()) return {};
+  if (a.city.camera != city::CameraKind::flight) return error("--frames {}: only --camera flight moves", a.frames);
+  uint32_t& first = a.city.first_frame;
+  uint32_t& last = a.city.last_frame;
+  const char* const end = a.frames.data() + a.frames.size();
+  auto [at, code] = from_digits(a.frames.data(), end, first);
+  last = first;
+  if (code == std::errc() && at != end && *at == '-') std::tie(at, code) = from_digits(at + 1, end, last);
+  if (code != std::errc() || at != end || first < 1 || last < first || last > city::kFlightFrames)
+    return error("--frames {}: write FIRST-LAST, from 1 to {}", a.frames, city::kFlightFrames);
+  return {};
+}
+
 Status make_city(CityArguments& a) {
+  SPILLWAY_TRY(read_frames(a));
+  if (!a.geometry.empty()) {
+    SPILLWAY_ASSIGN(a.city.geometry_bytes, parse_bytes(a.geometry));
+  }
+  if (!a.textures.empty()) return error("--textures {}: this city has no textures to size", a.textures);
   a.city.hills = a.terrain == "full" || a.terrain == "hills";
   a.city.bay = a.terrain == "full" || a.terrain == "bay";
   SPILLWAY_ASSIGN(const City plan, City::plan(a.city));
@@ -91,14 +119,24 @@ int run(CityArguments& a) {
 }
 
 void add_counts(CLI::App& command, CityArguments& a) {
-  command.add_option("--buildings", a.city.buildings, "[1000]");
   const auto count = [&](const char* name, std::optional<uint64_t>& into, const char* what) {
-    command.add_option_function<uint64_t>(name, [&into](uint64_t given) { into = given; }, what);
+    command.add_option_function<uint64_t>(
+        name, [&into](uint64_t given) { into = given; }, what);
   };
+  count("--buildings", a.city.buildings, "[1000, or what --geometry takes]");
   count("--street-lights", a.city.street_lights, "lamps on kerbs [216 for 83 buildings]");
   count("--trees", a.city.trees, "[as many as there is room for]");
   count("--cars", a.city.cars, "parked [half of the places]");
-  command.add_option("--detail", a.city.detail_triangles, "mean triangles of a building [1900]")->check(CLI::Range(1.0, 1e6));
+  command
+      .add_option_function<double>(
+          "--detail", [&a](double given) { a.city.detail_triangles = given; }, "mean triangles of a building [1900]")
+      ->check(CLI::Range(1.0, 1e6));
+  command
+      .add_option("--unique", a.city.unique, "share of buildings with geometry of their own; others are instances [1]")
+      ->check(CLI::Range(0.0, 1.0));
+  command.add_option("--geometry", a.geometry,
+                     "bytes of geometry in the store, such as 40GiB; the buildings, or their detail, follow");
+  command.add_option("--textures", a.textures, "bytes of textures");
   command.add_option("--seed", a.city.seed, "another city [1]");
 }
 
@@ -112,13 +150,20 @@ void add_city_command(CLI::App& app, int& exit_code) {
   CityArguments& a = *arguments;
   command->add_option("-o,--output", a.output, "folder for the city");
   add_counts(*command, a);
-  command->add_option("--terrain", a.terrain, "full, hills, bay or flat [full]")->check(CLI::IsMember({"full", "hills", "bay", "flat"}));
-  const std::map<std::string, TimeOfDay> times = {{"day", TimeOfDay::day}, {"dusk", TimeOfDay::dusk}, {"night", TimeOfDay::night}};
+  command->add_option("--terrain", a.terrain, "full, hills, bay or flat [full]")
+      ->check(CLI::IsMember({"full", "hills", "bay", "flat"}));
+  const std::map<std::string, TimeOfDay> times = {
+      {"day", TimeOfDay::day}, {"dusk", TimeOfDay::dusk}, {"night", TimeOfDay::night}};
   command->add_option("--time", a.city.time, "day, dusk or night [day]")->transform(CLI::CheckedTransformer(times));
   const std::map<std::string, CameraKind> cameras = {
       {"aerial", CameraKind::aerial}, {"street", CameraKind::street}, {"flight", CameraKind::flight}};
-  command->add_option("--camera", a.city.camera, "aerial, street or flight [aerial]")->transform(CLI::CheckedTransformer(cameras));
-  command->add_option("--format", a.format, "pbrt: text and PLY; store: packed [pbrt]")->check(CLI::IsMember({"pbrt", "store"}));
+  command->add_option("--camera", a.city.camera, "aerial, street or flight [aerial]")
+      ->transform(CLI::CheckedTransformer(cameras));
+  command->add_option("--frames", a.frames, "FIRST-LAST of the flight's 240 [1]");
+  command->add_option("--format", a.format, "pbrt: text and PLY; store: packed [pbrt]")
+      ->check(CLI::IsMember({"pbrt", "store"}));
+  command->add_flag("--tessellate", a.city.tessellate, "domes, cars and trees as triangles: text that pbrt-v4 reads");
+  command->add_option("--edge-length-px", a.edge_length_px, "longest edge of what is round, on the picture [4]");
   command->add_option("--memory", a.memory, "limit for packing, such as 2GiB");
   command->add_option("--threads", a.threads, "[all cores]")->check(CLI::Range(1u, 1024u));
   command->add_flag("--dry-run", a.dry_run, "plan and count only; print the manifest");

@@ -1,6 +1,6 @@
 #!/bin/bash
-# From nothing to a picture: installs what is missing, builds the program, renders the courtyard of this repository under
-# a small memory limit. usage: tools/demo.sh [OUTPUT_DIRECTORY]
+# From nothing to a picture: installs what is missing, builds the program, generates a small city and renders it by dusk
+# under a small memory limit. usage: tools/demo.sh [OUTPUT_DIRECTORY]
 set -eu
 cd "$(dirname "$0")/.."
 out="${1:-build/demo}"
@@ -11,11 +11,12 @@ cmake --preset release >/dev/null
 cmake --build --preset release --target spillway -- --quiet
 
 mkdir -p "$out"
-build/spillway render tests/data/courtyard/courtyard.pbrt --store "$out/courtyard.store" -o "$out/courtyard.exr" \
-  --memory 256MiB --report "$out/report.json"
-oiiotool "$out/courtyard.exr" --ch R,G,B --tocolorspace sRGB -d uint8 -o "$out/courtyard.png"
+build/spillway city -o "$out/city" --buildings 2000 --time dusk --format store --memory 512MiB
+build/spillway render "$out/city/city.store" -o "$out/city.exr" --resolution 960x540 --spp 32 --memory 384MiB \
+  --report "$out/report.json"
+oiiotool "$out/city.exr" --ch R,G,B --tocolorspace sRGB -d uint8 -o "$out/city.png"
 
 echo
-echo "the picture:  $out/courtyard.exr, to look at: $out/courtyard.png"
+echo "the picture:  $out/city.exr, to look at: $out/city.png"
 echo "the report:   $out/report.json"
-echo "the store:    $out/courtyard.store"
+echo "the city:     $out/city, its manifest.json and city.store"

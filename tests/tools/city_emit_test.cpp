@@ -22,7 +22,7 @@ namespace fs = std::filesystem;
 
 CityOptions small_city() {
   CityOptions options;
-  options.buildings = 60, options.detail_triangles = 500, options.trees = 40, options.cars = 30, options.seed = 11;
+  options.buildings = 60, options.detail_triangles = 900, options.trees = 40, options.cars = 30, options.seed = 11;
   options.time = TimeOfDay::night;
   return options;
 }
@@ -36,7 +36,7 @@ City planned(const CityOptions& options) {
 // Folds everything into one number, keeping nothing.
 class HashingSink : public RecordingSink {
  public:
-  uint64_t hash = 0, emitting = 0;
+  uint64_t hash = 0, emitting = 0, cages = 0;
   HashingSink() { keep_meshes = false; }
   Status add_mesh(const pipeline::MeshInput& mesh) override {
     fold(mesh.name.data(), mesh.name.size());
@@ -45,6 +45,14 @@ class HashingSink : public RecordingSink {
     fold(mesh.indices.data(), mesh.indices.size_bytes());
     if (mesh.emits) emitting += mesh.indices.size() / 3;
     return RecordingSink::add_mesh(mesh);
+  }
+  Status add_subdivision(const pipeline::SubdivisionInput& s) override {
+    fold(s.cage.name.data(), s.cage.name.size());
+    fold(s.cage.positions.data(), s.cage.positions.size_bytes());
+    fold(s.cage.indices.data(), s.cage.indices.size_bytes());
+    fold(s.sharp_edges.data(), s.sharp_edges.size_bytes());
+    ++cages;
+    return RecordingSink::add_subdivision(s);
   }
   Status add_instance(uint32_t object, const Affine3& world_from_object) override {
     fold(&object, sizeof object);
@@ -76,10 +84,10 @@ TEST(CityEmit, says_the_same_with_any_number_of_threads) {
 }
 
 TEST(CityEmit, counts_are_exact) {
-  for (const uint64_t buildings : {0, 1, 60}) {
+  for (const uint64_t buildings : {0, 1, 60, 61}) {
     CityOptions options = small_city();
-    options.buildings = buildings;
-    if (buildings < 60) options.trees.reset(), options.cars.reset();
+    options.buildings = buildings, options.tessellate = buildings % 2 == 1;
+    if (buildings < 60) options.trees.reset(), options.cars.reset(), options.detail_triangles.reset();
     const City city = planned(options);
     HashingSink sink;
     ASSERT_TRUE(city.emit(sink, "sky.exr"));
@@ -87,8 +95,22 @@ TEST(CityEmit, counts_are_exact) {
     EXPECT_EQ(sink.triangle_count, counts.unique_triangles());
     EXPECT_EQ(sink.instances.size(), counts.instances);
     EXPECT_EQ(sink.emitting, counts.light_triangles);
-    EXPECT_EQ(counts.instances, counts.street_lights + counts.trees + counts.cars + counts.sea_tiles);
+    EXPECT_EQ(sink.cages, options.tessellate ? 0 : counts.cages);
+    EXPECT_EQ(counts.instances, counts.street_lights + counts.trees + counts.cars + counts.lanterns + counts.boats +
+                                    counts.sea_tiles);
   }
+}
+
+TEST(CityEmit, counts_are_exact_with_instanced_buildings) {
+  CityOptions options = small_city();
+  options.unique = 0.25;
+  const City city = planned(options);
+  HashingSink sink;
+  ASSERT_TRUE(city.emit(sink, "sky.exr"));
+  const CityCounts& counts = city.counts();
+  EXPECT_GT(counts.instanced_buildings, 20u);
+  EXPECT_EQ(sink.triangle_count, counts.unique_triangles());
+  EXPECT_EQ(sink.instances.size(), counts.instances);
 }
 
 TEST(CityEmit, detail_is_the_mean_of_a_building) {
@@ -137,7 +159,7 @@ TEST(CityEmit, text_and_store_hold_the_same_scene) {
   EXPECT_EQ(imported.triangle_count, direct.triangle_count);
   EXPECT_EQ(imported.mesh_count, direct.mesh_count);
   EXPECT_EQ(imported.instances.size(), direct.instances.size());
-  EXPECT_EQ(imported.emitting, direct.emitting);
+  EXPECT_EQ(imported.cages, direct.cages);
   EXPECT_EQ(imported.lights.size(), direct.lights.size());
   const shading::Camera& a = imported.settings.camera;
   const shading::Camera& b = direct.settings.camera;
@@ -151,12 +173,14 @@ TEST(CityEmit, stores_have_the_same_bytes_for_any_number_of_threads) {
   const test::TemporaryDirectory folder;
   const fs::path sky = folder.path() / "sky.exr";
   ASSERT_TRUE(write_sky(sky, TimeOfDay::night));
+  CityOptions options = small_city();
+  options.tessellate = true;
   for (const int threads : {1, 2, 7}) {
     const fs::path store = folder.path() / fmt::format("store{}", threads);
     tbb::task_arena(threads).execute([&] {
       auto packer = pipeline::ScenePacker::create(store, {});
       ASSERT_TRUE(packer);
-      ASSERT_TRUE(planned(small_city()).emit(**packer, sky));
+      ASSERT_TRUE(planned(options).emit(**packer, sky));
       const Status finished = (*packer)->finish();
       ASSERT_TRUE(finished) << finished.error().message;
     });
@@ -165,7 +189,7 @@ TEST(CityEmit, stores_have_the_same_bytes_for_any_number_of_threads) {
   }
   const auto store = pipeline::Store::open(folder.path() / "store1");
   ASSERT_TRUE(store) << store.error().message;
-  EXPECT_EQ(store->settings().statistics.triangle_count, planned(small_city()).counts().unique_triangles());
+  EXPECT_EQ(store->settings().statistics.triangle_count, planned(options).counts().unique_triangles());
   EXPECT_EQ(store->settings().statistics.degenerate_dropped_count, 0u);
 }
 

@@ -62,6 +62,27 @@ TEST(CityLayout, footprints_do_not_intersect) {
   }
 }
 
+TEST(CityLayout, instanced_buildings_stand_as_apart_as_others) {
+  CityOptions options;
+  options.buildings = 1500, options.unique = 0.2, options.seed = 6;
+  const Result<City> city = City::plan(options);
+  ASSERT_TRUE(city) << city.error().message;
+  EXPECT_GT(city->counts().instanced_buildings, 600u);
+  EXPECT_LT(city->counts().instanced_buildings, 1300u);
+  std::vector<Polygon> footprints;
+  for (size_t i = 0; i < city->block_count(); ++i) {
+    const City::Contents c = city->contents(i);
+    for (size_t a = 0; a < c.buildings.size(); ++a) {
+      footprints.push_back(c.buildings[a].footprint);
+      for (size_t b = 0; b < a; ++b)
+        if (adjacent(c.lots[a], c.lots[b])) {
+          EXPECT_NE(c.buildings[a].wall, c.buildings[b].wall);
+        }
+    }
+  }
+  visit_near(footprints, [&](size_t a, size_t b) { EXPECT_FALSE(intersect(footprints[a], footprints[b])); });
+}
+
 TEST(CityLayout, overlaps_would_be_noticed) {
   const Polygon a = rectangle({0, 0}, {1, 0}, 4, 3);
   EXPECT_TRUE(intersect(a, rectangle({3.99, 1}, {1, 0}, 4, 3)));
@@ -162,7 +183,9 @@ TEST(CityLayout, what_cannot_be_is_refused_with_what_could) {
 
 TEST(CityLayout, many_kinds_and_districts_are_there) {
   const CityCounts counts = planned(6000, 1).counts();
-  const auto present = [](const auto& numbers) { return std::count_if(numbers.begin(), numbers.end(), [](uint64_t n) { return n > 0; }); };
+  const auto present = [](const auto& numbers) {
+    return std::count_if(numbers.begin(), numbers.end(), [](uint64_t n) { return n > 0; });
+  };
   EXPECT_GE(present(counts.kinds), 16);
   EXPECT_GE(present(counts.districts), 6);
 }
@@ -200,10 +223,11 @@ TEST(CityLayout, blocks_have_the_size_of_blocks) {
     if (city.block(i).use != BlockUse::built) continue;
     areas.push_back(area(city.block(i).kerb));
     const Vec2 axis = city.block(i).grid_axis;
-    headings.insert(static_cast<int>(std::lround(std::fmod(std::atan2(axis.y, axis.x) + 2 * M_PI, M_PI / 2) * 18 / M_PI)));
+    headings.insert(
+        static_cast<int>(std::lround(std::fmod(std::atan2(axis.y, axis.x) + 2 * M_PI, M_PI / 2) * 18 / M_PI)));
   }
   std::sort(areas.begin(), areas.end());
-  EXPECT_GT(areas[areas.size() / 2], 2500);   // half a hectare, give or take
+  EXPECT_GT(areas[areas.size() / 2], 2500);  // half a hectare, give or take
   EXPECT_LT(areas[areas.size() / 2], 16000);
   EXPECT_GE(headings.size(), 4u);  // no single grid
 }

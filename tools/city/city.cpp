@@ -4,6 +4,8 @@
 
 #include "cache/base/parallel.h"
 #include "tools/city/ground.h"
+#include "tools/city/lanterns.h"
+#include "tools/city/prototype_buildings.h"
 #include "tools/city/random.h"
 
 namespace spillway::tools::city {
@@ -13,7 +15,7 @@ constexpr double kBuildingGround_m2 = 620;  // with its share of streets; where 
 constexpr double kLeastRadius_m = 320;
 constexpr uint64_t kMostBuildings = 20'000'000;
 constexpr uint64_t kTileTriangles = 250'000;
-constexpr double kMostDetail = 4;
+constexpr double kMostDetail = 6;
 constexpr double kLampRatio = 216.0 / 83.0;
 constexpr uint64_t kLampSpacing_cm = 200;
 
@@ -28,7 +30,9 @@ uint64_t spread(uint64_t x) {
 
 // Neighbours on the ground are neighbours in the order: tiles, meshes and pages are then compact.
 uint64_t morton(Vec2 at, double radius_m) {
-  const auto cell = [&](double v) { return static_cast<uint64_t>(std::clamp((v / radius_m + 2) * 8192, 0.0, 65535.0)); };
+  const auto cell = [&](double v) {
+    return static_cast<uint64_t>(std::clamp((v / radius_m + 2) * 8192, 0.0, 65535.0));
+  };
   return spread(cell(at.x)) | spread(cell(at.y)) << 1;
 }
 
@@ -37,19 +41,52 @@ uint64_t spread_until(uint64_t count, uint64_t cumulative, uint64_t whole) {
   return whole == 0 ? 0 : count / whole * cumulative + count % whole * cumulative / whole;
 }
 
-Ground ground_of(const Building& building, const Terrain& terrain) {
-  return {terrain.highest(building.footprint) + kKerbHeight_m + 0.12, terrain.lowest(building.footprint) - 0.6};
+Standing standing_design(const Building& b, const Terrain& terrain) {
+  const Vec2 corner = b.footprint[0].at;
+  const Frame frame{{corner.x, corner.y, ground_of(b, terrain).floor_z}, normalize(b.footprint[1].at - corner)};
+  return {frame, 1, kFirstDesign + b.design};
 }
 
 }  // namespace
 
+Ground ground_of(const Building& building, const Terrain& terrain) {
+  return {terrain.highest(building.footprint) + kKerbHeight_m + 0.12, terrain.lowest(building.footprint) - 0.6};
+}
+
 Result<City> City::plan(const CityOptions& options) {
-  if (options.buildings > kMostBuildings)
-    return error("{} buildings: at most {} can be planned", options.buildings, kMostBuildings);
-  double radius = std::max(kLeastRadius_m, std::sqrt(static_cast<double>(options.buildings) * kBuildingGround_m2 / M_PI));
+  if (options.geometry_bytes == 0) return plan_once(options);
+  // What a building takes is known once a city has been planned: from there it is a rule of three, and once more.
+  CityOptions wanted = options;
+  const bool by_detail = options.buildings && !options.detail_triangles;
+  for (int attempt = 0;; ++attempt) {
+    SPILLWAY_ASSIGN(City city, plan_once(wanted));
+    const double ratio =
+        static_cast<double>(options.geometry_bytes) / static_cast<double>(city.predicted_store_bytes());
+    if (std::fabs(ratio - 1) < 0.02 || attempt == 4) {
+      if (std::fabs(ratio - 1) < 0.1) return city;
+      return error(
+          "--geometry of {:.2f} GiB: a city with these counts takes {:.2f} GiB; leave --buildings or --detail open",
+          static_cast<double>(options.geometry_bytes) / 0x1p30,
+          static_cast<double>(city.predicted_store_bytes()) / 0x1p30);
+    }
+    if (options.buildings && options.detail_triangles)
+      attempt = 3;  // nothing is left to choose
+    else if (by_detail)
+      wanted.detail_triangles = std::max(1.0, wanted.detail_triangles.value_or(kUsualDetail) * ratio);
+    else
+      wanted.buildings = static_cast<uint64_t>(std::llround(static_cast<double>(city.counts().buildings) * ratio));
+  }
+}
+
+Result<City> City::plan_once(const CityOptions& options) {
+  const uint64_t count = options.buildings.value_or(kUsualBuildings);
+  if (count > kMostBuildings) return error("{} buildings: at most {} can be planned", count, kMostBuildings);
+  double radius = std::max(kLeastRadius_m, std::sqrt(static_cast<double>(count) * kBuildingGround_m2 / M_PI));
   for (int attempt = 0; attempt < 16; ++attempt) {
     City city(options, Terrain({options.hills, options.bay, radius, options.seed}));
-    city.plan_options_ = {options.seed, radius};
+    city.plan_options_ = {{options.seed, radius},
+                          options.unique,
+                          options.unique < 1 ? design_buildings(options.seed) : std::vector<Building>{}};
     city.build_options_.time = options.time;
     const std::optional<double> reach = city.lay_out();
     // Districts lie at parts of the radius, so that it must be where the buildings end.
@@ -59,16 +96,17 @@ Result<City> City::plan(const CityOptions& options) {
       continue;
     }
     SPILLWAY_TRY(city.furnish());
-    city.calibrate_detail();
+    SPILLWAY_TRY(city.calibrate_detail());
     city.survey();
     return city;
   }
-  return error("{} buildings found no room; try another seed", options.buildings);
+  return error("{} buildings found no room; try another seed", count);
 }
 
-// Takes the blocks nearest to the centre that hold the buildings. Returns how far they reach; none when the land is too small.
+// Takes the blocks nearest to the centre that hold the buildings. Returns how far they reach; none when the land is too
+// small.
 std::optional<double> City::lay_out() {
-  blocks_ = street_plan(plan_options_, terrain_);
+  blocks_ = street_plan(plan_options_.streets, terrain_);
   std::vector<uint64_t> lots(blocks_.size());
   parallel_blocks(blocks_.size(), 16, [&](size_t, size_t first, size_t last) {
     for (size_t i = first; i < last; ++i) lots[i] = make_lots(blocks_[i]).size();
@@ -76,13 +114,13 @@ std::optional<double> City::lay_out() {
   uint64_t built = 0;
   size_t taken = 0;
   std::vector<std::pair<Block, Row>> kept;
-  for (; taken < blocks_.size() && built < options_.buildings; ++taken) {
+  for (; taken < blocks_.size() && built < building_count(); ++taken) {
     Row row;
-    row.buildings = std::min(lots[taken], options_.buildings - built);
+    row.buildings = std::min(lots[taken], building_count() - built);
     built += row.buildings;
     kept.emplace_back(std::move(blocks_[taken]), row);
   }
-  if (built < options_.buildings) return std::nullopt;
+  if (built < building_count()) return std::nullopt;
   const double reach = kept.empty() ? radius_m() : kept.back().first.remoteness;
   std::stable_sort(kept.begin(), kept.end(), [&](const auto& a, const auto& b) {
     return morton(centroid(a.first.cell), radius_m()) < morton(centroid(b.first.cell), radius_m());
@@ -101,17 +139,17 @@ Status City::furnish() {
   for (const Room& room : rooms)
     whole.kerb_cm += room.kerb_cm, whole.tree_count += room.tree_count, whole.car_count += room.car_count;
   const uint64_t most_lamps = whole.kerb_cm / kLampSpacing_cm, most_trees = 3 * whole.tree_count;
-  const auto usual_lamps = static_cast<uint64_t>(std::llround(static_cast<double>(options_.buildings) * kLampRatio));
+  const auto usual_lamps = static_cast<uint64_t>(std::llround(static_cast<double>(building_count()) * kLampRatio));
   const uint64_t lamp_count = options_.street_lights.value_or(std::min(usual_lamps, most_lamps));
   const uint64_t tree_count = options_.trees.value_or(whole.tree_count * 4 / 5);
   const uint64_t car_count = options_.cars.value_or(whole.car_count * 11 / 20);
   if (lamp_count > most_lamps)
     return error("{} street lights: the kerbs of {} buildings are {} m long and take at most {}", lamp_count,
-                 options_.buildings, whole.kerb_cm / 100, most_lamps);
+                 building_count(), whole.kerb_cm / 100, most_lamps);
   if (tree_count > most_trees)
-    return error("{} trees: a city of {} buildings has room for at most {}", tree_count, options_.buildings, most_trees);
+    return error("{} trees: a city of {} buildings has room for at most {}", tree_count, building_count(), most_trees);
   if (car_count > whole.car_count)
-    return error("{} cars: the streets of {} buildings have {} places", car_count, options_.buildings, whole.car_count);
+    return error("{} cars: the streets of {} buildings have {} places", car_count, building_count(), whole.car_count);
   Room sum;
   for (size_t i = 0; i < rows_.size(); ++i) {
     const Room before = sum;
@@ -136,6 +174,12 @@ City::Contents City::contents(size_t index) const {
   contents.lamps = lamps(block, row.lamps, terrain_);
   contents.trees = trees(block, contents.lots, contents.buildings, row.trees, terrain_);
   contents.cars = cars(block, row.cars, terrain_);
+  for (const LanternString& string : lantern_strings(block, terrain_)) {
+    const std::vector<Standing> hanging = lanterns_on(string, key_of(block.key, contents.lanterns.size()));
+    contents.lanterns.insert(contents.lanterns.end(), hanging.begin(), hanging.end());
+  }
+  for (const Building& b : contents.buildings)
+    if (b.design != kNoDesign) contents.instanced_buildings.push_back(standing_design(b, terrain_));
   return contents;
 }
 
@@ -150,7 +194,7 @@ uint64_t City::sample_triangles(double detail) const {
   options.detail = detail;
   parallel_blocks(count, 1, [&](size_t, size_t first, size_t last) {
     for (size_t i = first; i < last; ++i) {
-      Geometry g(Geometry::Mode::count);
+      Geometry g = geometry(Geometry::Mode::count);
       std::vector<Building> all = plan_buildings(blocks_[i * step], make_lots(blocks_[i * step]), plan_options_);
       all.resize(rows_[i * step].buildings);
       for (const Building& b : all) build(g, b, {1, 0}, options);
@@ -162,65 +206,83 @@ uint64_t City::sample_triangles(double detail) const {
   return houses == 0 ? 0 : sum / houses;
 }
 
-void City::calibrate_detail() {
+Status City::calibrate_detail() {
+  const double wanted = options_.detail_triangles.value_or(kUsualDetail);
+  const uint64_t least = sample_triangles(0), most = sample_triangles(kMostDetail);
+  const bool is_out = wanted < 0.8 * static_cast<double>(least) || wanted > 1.25 * static_cast<double>(most);
+  if (options_.detail_triangles && is_out && building_count() > 0)
+    return error("{:.0f} triangles a building: these {} buildings can have {} to {}", wanted, building_count(), least,
+                 most);
   double low = 0, high = kMostDetail;
   for (int i = 0; i < 9; ++i) {
     const double middle = (low + high) / 2;
-    (static_cast<double>(sample_triangles(middle)) < options_.detail_triangles ? low : high) = middle;
+    (static_cast<double>(sample_triangles(middle)) < wanted ? low : high) = middle;
   }
   build_options_.detail = (low + high) / 2;
+  return {};
 }
 
 void City::make_buildings(Geometry& g, const Contents& contents) const {
-  for (const Building& b : contents.buildings) build(g, b, ground_of(b, terrain_), build_options_);
+  for (const Building& b : contents.buildings)
+    if (b.design == kNoDesign) build(g, b, ground_of(b, terrain_), build_options_);
 }
 
 void City::make_ground(Geometry& g, size_t index, const Contents& contents) const {
   block_ground(g, blocks_[index], contents.lots, terrain_);
-  for (const Standing& lamp : contents.lamps) lamp_head(g, static_cast<LampKind>(lamp.kind), lamp.frame);
+  for (const LanternString& string : lantern_strings(blocks_[index], terrain_)) string_cable(g, string);
 }
 
-CityCounts City::count_block(size_t index, const ByPrototype<uint64_t>& sizes) {
-  CityCounts c;
+void City::count_surfaces(CityCounts& counts, const Geometry& g) const {
+  counts.cages += g.cage_count(), counts.cage_faces += g.cage_face_count();
+  for (size_t s = 0; s < kSurfaceCount; ++s)
+    if (const auto surface = static_cast<Surface>(s); !is_black(emission_of(surface, options_.time)))
+      counts.light_triangles += g.triangle_count(surface);
+}
+
+City::BlockCounts City::count_block(size_t index) {
+  BlockCounts block;
+  CityCounts& c = block.counts;
   const Contents contents = City::contents(index);
-  Geometry g(Geometry::Mode::count);
+  Geometry g = geometry(Geometry::Mode::count);
   make_buildings(g, contents);
   c.building_triangles = g.triangle_count();
   make_ground(g, index, contents);
   c.ground_triangles = g.triangle_count() - c.building_triangles;
-  for (size_t s = 0; s < kSurfaceCount; ++s)
-    if (const auto surface = static_cast<Surface>(s); !is_black(emission_of(surface, options_.time)))
-      c.light_triangles += g.triangle_count(surface);
+  count_surfaces(c, g);
   c.lots = contents.lots.size(), c.buildings = contents.buildings.size();
   c.street_lights = contents.lamps.size(), c.trees = contents.trees.size(), c.cars = contents.cars.size();
-  for (const Standing& s : contents.lamps) c.instanced_triangles += sizes.lamps[s.kind];
-  for (const Standing& s : contents.trees) c.instanced_triangles += sizes.trees[s.kind][s.variant];
-  for (const Standing& s : contents.cars) c.instanced_triangles += sizes.cars[s.kind][s.variant];
+  c.lanterns = contents.lanterns.size(), c.instanced_buildings = contents.instanced_buildings.size();
+  block.used.resize(kFirstDesign + plan_options_.designs.size());
+  for (const auto* standing : {&contents.lamps, &contents.trees, &contents.cars, &contents.lanterns, &contents.instanced_buildings})
+    for (const Standing& s : *standing) ++block.used[s.prototype];
   for (const Building& b : contents.buildings) {
     ++c.kinds[static_cast<size_t>(b.kind)], ++c.districts[static_cast<size_t>(b.district)];
     c.floors += static_cast<uint64_t>(b.floors);
   }
   rows_[index].triangles = g.triangle_count();
-  return c;
+  return block;
 }
 
 void City::survey() {
-  const ByPrototype<uint64_t> sizes = count_prototypes();
-  std::vector<CityCounts> parts(blocks_.size());
+  std::vector<BlockCounts> parts(blocks_.size());
   parallel_blocks(blocks_.size(), 4, [&](size_t, size_t first, size_t last) {
-    for (size_t i = first; i < last; ++i) parts[i] = count_block(i, sizes);
+    for (size_t i = first; i < last; ++i) parts[i] = count_block(i);
   });
-  for (const CityCounts& c : parts) {
+  used_.resize(kFirstDesign + plan_options_.designs.size());
+  for (const BlockCounts& part : parts) {
+    const CityCounts& c = part.counts;
     for (const auto member : {&CityCounts::building_triangles, &CityCounts::ground_triangles, &CityCounts::light_triangles,
-                              &CityCounts::lots, &CityCounts::buildings, &CityCounts::street_lights, &CityCounts::trees,
-                              &CityCounts::cars, &CityCounts::floors, &CityCounts::instanced_triangles})
+                              &CityCounts::cages, &CityCounts::cage_faces, &CityCounts::lots, &CityCounts::buildings,
+                              &CityCounts::instanced_buildings, &CityCounts::street_lights, &CityCounts::trees,
+                              &CityCounts::cars, &CityCounts::lanterns, &CityCounts::floors})
       counts_.*member += c.*member;
     for (size_t i = 0; i < kKindCount; ++i) counts_.kinds[i] += c.kinds[i];
     for (size_t i = 0; i < counts_.districts.size(); ++i) counts_.districts[i] += c.districts[i];
+    for (size_t i = 0; i < used_.size(); ++i) used_[i] += part.used[i];
   }
   counts_.blocks = blocks_.size();
-  counts_.instances = counts_.street_lights + counts_.trees + counts_.cars + counts_.sea_tiles;
   count_land();
+  count_prototypes();
   cut_tiles();
 }
 
@@ -228,7 +290,8 @@ void City::survey() {
 void City::cut_tiles() {
   for (size_t first = 0; first < blocks_.size();) {
     size_t last = first;
-    for (uint64_t sum = 0; last < blocks_.size() && (last == first || sum + rows_[last].triangles < kTileTriangles); ++last)
+    for (uint64_t sum = 0; last < blocks_.size() && (last == first || sum + rows_[last].triangles < kTileTriangles);
+         ++last)
       sum += rows_[last].triangles;
     tiles_.push_back({first, last});
     first = last;
@@ -236,9 +299,12 @@ void City::cut_tiles() {
 }
 
 uint64_t City::predicted_store_bytes() const {
-  // Trace pages and attribute blocks as measured on cities; see bench/RESULTS.md.
-  constexpr double kBytesPerTriangle = 49.6 + 19.5;
-  return static_cast<uint64_t>(static_cast<double>(counts_.unique_triangles()) * kBytesPerTriangle) + counts_.instances * 112;
+  // Measured on cities of 6,000 buildings by day and by night: pages 58.1 and attribute blocks 19.6 bytes a triangle,
+  // the manifest's rows of instances and lights 165 and 85.
+  constexpr double kPerTriangle = 77.7, kPerInstance = 165, kPerLight = 85;
+  return static_cast<uint64_t>(static_cast<double>(counts_.unique_triangles()) * kPerTriangle +
+                               static_cast<double>(counts_.instances) * kPerInstance +
+                               static_cast<double>(counts_.light_triangles) * kPerLight);
 }
 
 }  // namespace spillway::tools::city

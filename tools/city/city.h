@@ -3,7 +3,8 @@
 // A city as a function of its options: planned first, then counted, then said to a sink tile by tile.
 //
 // Owns: the plan: a row a block. What stands on a block is made again whenever it is needed.
-// Memory: some hundred bytes a block; while emitting, as many tiles as there are threads, twice, of at most a few hundred
+// Memory: some hundred bytes a block; while emitting, as many tiles as there are threads, twice, of at most a few
+// hundred
 //         thousand triangles each. Independent of the number of triangles.
 // Threads: plan() and emit() use all threads of the current arena; the sink hears one caller, tiles in order.
 // Order: nothing depends on the number of threads.
@@ -20,27 +21,40 @@
 
 namespace spillway::tools::city {
 
+inline constexpr double kUsualDetail = 1900;
+inline constexpr uint32_t kTessellation = 4;  // pieces an edge
+inline constexpr uint32_t kFlightFrames = 240;
+inline constexpr uint64_t kUsualBuildings = 1000;
+
 struct CityOptions {
-  uint64_t buildings = 1000;
-  std::optional<uint64_t> street_lights;     // else 216 for 83 buildings, as in the city that is the measure
-  std::optional<uint64_t> trees, cars;       // else what there is room for, in parts
+  std::optional<uint64_t> buildings;      // else kUsualBuildings
+  std::optional<uint64_t> street_lights;  // else 216 for 83 buildings, as in the city that is the measure
+  std::optional<uint64_t> trees, cars;    // else what there is room for, in parts
   uint64_t seed = 1;
-  double detail_triangles = 1900;            // mean of a building
+  std::optional<double> detail_triangles;  // mean of a building; else kUsualDetail, or what comes nearest
+  double unique = 1;                       // share of buildings with geometry of their own; the others are instances
+  bool tessellate = false;                 // cages as triangles, at a fixed rate: scenes without extensions
+  uint64_t geometry_bytes = 0;  // of the store; 0: what comes of it. Else the buildings, or their detail, follow
   bool hills = true, bay = true;
   TimeOfDay time = TimeOfDay::day;
   CameraKind camera = CameraKind::aerial;
-  double flight_part = 0;                    // 0 to 1
+  uint32_t first_frame = 1, last_frame = 1;  // of a flight of kFlightFrames
 };
 
 // Exact: counted by making everything once.
 struct CityCounts {
-  uint64_t buildings = 0, blocks = 0, lots = 0, street_lights = 0, trees = 0, cars = 0, sea_tiles = 0;
+  uint64_t buildings = 0, blocks = 0, lots = 0, street_lights = 0, trees = 0, cars = 0, lanterns = 0;
+  uint64_t boats = 0, sea_tiles = 0;
   std::array<uint64_t, kKindCount> kinds{};
   std::array<uint64_t, static_cast<size_t>(District::count)> districts{};  // buildings
-  uint64_t floors = 0;              // of all buildings
+  uint64_t floors = 0;                                                     // of all buildings
+  uint64_t instanced_buildings = 0;                                        // of all buildings
   uint64_t building_triangles = 0, ground_triangles = 0, light_triangles = 0, prototype_triangles = 0;
-  uint64_t meshes = 0, instances = 0, instanced_triangles = 0;
-  [[nodiscard]] uint64_t unique_triangles() const { return building_triangles + ground_triangles + prototype_triangles; }
+  uint64_t cages = 0, cage_faces = 0;  // Catmull-Clark; triangles only when they are tessellated
+  uint64_t instances = 0, instanced_triangles = 0;
+  [[nodiscard]] uint64_t unique_triangles() const {
+    return building_triangles + ground_triangles + prototype_triangles;
+  }
 };
 
 class City {
@@ -51,7 +65,7 @@ class City {
   [[nodiscard]] const CityCounts& counts() const { return counts_; }
   [[nodiscard]] double radius_m() const { return terrain_.radius_m(); }
   [[nodiscard]] double detail() const { return build_options_.detail; }
-  [[nodiscard]] View view(CameraKind kind, double part) const { return view_of(kind, part, blocks_, terrain_); }
+  [[nodiscard]] View view(uint32_t frame) const;
   // Of geometry, as packed, from the counts; within some percent.
   [[nodiscard]] uint64_t predicted_store_bytes() const;
 
@@ -62,7 +76,8 @@ class City {
   struct Contents {
     std::vector<Lot> lots;
     std::vector<Building> buildings;  // of the first lots
-    std::vector<Standing> lamps, trees, cars;
+    std::vector<Standing> lamps, trees, cars, lanterns;
+    std::vector<Standing> instanced_buildings;
   };
   [[nodiscard]] size_t block_count() const { return blocks_.size(); }
   [[nodiscard]] const Block& block(size_t index) const { return blocks_[index]; }
@@ -75,23 +90,35 @@ class City {
   struct Tile {
     size_t first_block, last_block;
   };
-  using Objects = ByPrototype<uint32_t>;
+  using Objects = std::vector<uint32_t>;  // by number in the catalogue; 0 for what stands nowhere
   struct Made;
+  struct BlockCounts {
+    CityCounts counts;
+    std::vector<uint64_t> used;  // by number in the catalogue
+  };
 
+  [[nodiscard]] Geometry geometry(Geometry::Mode mode) const {
+    return Geometry(mode, options_.tessellate ? kTessellation : 0);
+  }
+  // What a geometry has that shines, and cages.
+  void count_surfaces(CityCounts& counts, const Geometry& g) const;
+  [[nodiscard]] uint64_t building_count() const { return options_.buildings.value_or(kUsualBuildings); }
   City(const CityOptions& options, const Terrain& terrain) : options_(options), terrain_(terrain) {}
   std::optional<double> lay_out();
   Status furnish();
-  void calibrate_detail();
+  static Result<City> plan_once(const CityOptions& options);
+  Status calibrate_detail();
   void survey();
   void make_buildings(Geometry& g, const Contents& contents) const;
   void make_ground(Geometry& g, size_t index, const Contents& contents) const;
   [[nodiscard]] uint64_t sample_triangles(double detail) const;
-  // Counts them, and says how many triangles each has.
-  ByPrototype<uint64_t> count_prototypes();
+  [[nodiscard]] std::vector<Standing> at_sea() const;
+  void count_prototypes();
   void make_land(Geometry& g, int part) const;
   void count_land();
-  [[nodiscard]] CityCounts count_block(size_t index, const ByPrototype<uint64_t>& sizes);
+  [[nodiscard]] BlockCounts count_block(size_t index);
   void cut_tiles();
+  void emit_cameras(pipeline::SceneSink& sink) const;
   Status emit_prototypes(pipeline::SceneSink& sink, Objects& objects) const;
   Status emit_tiles(pipeline::SceneSink& sink, const Objects& objects) const;
   [[nodiscard]] Made make_tile(size_t tile) const;
@@ -100,9 +127,10 @@ class City {
   CityOptions options_;
   Terrain terrain_;
   BuildOptions build_options_;
-  StreetPlanOptions plan_options_;
+  BuildingPlan plan_options_;
   std::vector<Block> blocks_;
   std::vector<Row> rows_;
+  std::vector<uint64_t> used_;  // how often each of the catalogue stands somewhere
   std::vector<Tile> tiles_;
   CityCounts counts_;
 };

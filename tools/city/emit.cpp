@@ -6,15 +6,17 @@
 #include <algorithm>
 #include <memory>
 
-#include "cache/base/check.h"
+#include "tools/city/cage.h"
 #include "tools/city/city.h"
 #include "tools/city/ground.h"
+#include "tools/city/random.h"
 #include "tools/city/waterfront.h"
 
 namespace spillway::tools::city {
 namespace {
 
 constexpr int kLandParts = 16;
+constexpr double kFoundation_m = -7;  // of designs, which stand on slopes of any kind
 
 Affine3 affine(const Frame& frame, double scale) {
   const auto x = static_cast<float>(frame.x_axis.x * scale), y = static_cast<float>(frame.x_axis.y * scale);
@@ -34,111 +36,128 @@ Status add_light(pipeline::SceneSink& sink, TimeOfDay time, const std::filesyste
   return sink.add_light(sun(time));
 }
 
-// The meshes of a geometry, one a surface, into the world or an object. Material ids are surface numbers.
-Status add_meshes(pipeline::SceneSink& sink, const Geometry& g, const std::string& name, uint32_t object, TimeOfDay time) {
-  for (size_t s = 0; s < kSurfaceCount; ++s) {
-    const auto surface = static_cast<Surface>(s);
-    const SurfaceMesh& mesh = g.mesh(surface);
-    if (mesh.indices.empty()) continue;
-    pipeline::MeshInput input;
-    input.name = fmt::format("{}_{}", name, city::name(surface));
-    input.positions = mesh.positions, input.normals = mesh.normals, input.indices = mesh.indices;
-    input.material = MaterialId{static_cast<uint32_t>(s)};
-    input.object = object;
-    input.emission = emission_of(surface, time);
-    input.emits = !is_black(input.emission);
-    SPILLWAY_TRY(sink.add_mesh(input));
+// Where a geometry goes: the world, or an object.
+struct Place {
+  std::string name;
+  uint32_t object;
+  TimeOfDay time;
+};
+
+pipeline::MeshInput input_of(const Place& place, Surface surface) {
+  pipeline::MeshInput input;
+  input.name = fmt::format("{}_{}", place.name, city::name(surface));
+  input.material = MaterialId{static_cast<uint32_t>(surface)};
+  input.object = place.object;
+  input.emission = emission_of(surface, place.time);
+  input.emits = !is_black(input.emission);
+  return input;
+}
+
+Status add_mesh(pipeline::SceneSink& sink, pipeline::MeshInput input, const SurfaceMesh& mesh) {
+  input.positions = mesh.positions, input.normals = mesh.normals, input.indices = mesh.indices;
+  return sink.add_mesh(input);
+}
+
+Status add_cages(pipeline::SceneSink& sink, const Geometry& g, const Place& place) {
+  for (size_t i = 0; i < g.cages().size(); ++i) {
+    const Cage& cage = g.cages()[i];
+    pipeline::SubdivisionInput input;
+    input.cage = input_of({fmt::format("{}_cage{}", place.name, i), place.object, place.time}, cage.surface);
+    if (g.tessellation() > 0) {
+      SPILLWAY_ASSIGN(const SurfaceMesh mesh, tessellated(cage, g.tessellation()));
+      SPILLWAY_TRY(add_mesh(sink, input.cage, mesh));
+      continue;
+    }
+    const std::vector<uint32_t> corners(cage.indices.size() / 4, 4);
+    input.cage.positions = cage.positions, input.cage.indices = cage.indices;
+    input.corner_counts = corners, input.sharp_edges = cage.sharp_edges, input.holes = cage.holes;
+    SPILLWAY_TRY(sink.add_subdivision(input));
   }
   return {};
 }
 
-uint64_t mesh_count(const Geometry& g) {
-  uint64_t count = 0;
-  for (size_t s = 0; s < kSurfaceCount; ++s) count += g.triangle_count(static_cast<Surface>(s)) > 0;
-  return count;
-}
-
-template <class Make>
-Geometry made(Geometry::Mode mode, const Make& make) {
-  Geometry g(mode);
-  make(g);
-  return g;
+// The meshes of a geometry, one a surface, and its cages. Material ids are surface numbers.
+Status add_geometry(pipeline::SceneSink& sink, const Geometry& g, const Place& place) {
+  for (size_t s = 0; s < kSurfaceCount; ++s) {
+    const auto surface = static_cast<Surface>(s);
+    const SurfaceMesh& mesh = g.mesh(surface);
+    if (mesh.indices.empty()) continue;
+    SPILLWAY_TRY(add_mesh(sink, input_of(place, surface), mesh));
+  }
+  return add_cages(sink, g, place);
 }
 
 }  // namespace
 
 struct City::Made {
   Geometry geometry;
-  std::vector<Standing> lamps, trees, cars;
+  std::vector<Standing> standing;
 };
 
-// Calls visit(name, member, make) for each prototype that stands somewhere; member is its place in a ByPrototype.
-template <class Numbers, class Visit>
-Status visit_prototypes(const CityCounts& counts, Numbers& numbers, const Visit& visit) {
-  for (size_t k = 0; k < kLampKinds && counts.street_lights > 0; ++k)
-    SPILLWAY_TRY(visit(fmt::format("lamp{}", k), numbers.lamps[k], [k](Geometry& g) { lamp_post(g, static_cast<LampKind>(k)); }));
-  for (size_t k = 0; k < kTreeKinds && counts.trees > 0; ++k)
-    for (size_t v = 0; v < kTreeVariants; ++v)
-      SPILLWAY_TRY(visit(fmt::format("tree{}_{}", k, v), numbers.trees[k][v],
-                         [k, v](Geometry& g) { tree(g, static_cast<TreeKind>(k), static_cast<int>(v)); }));
-  for (size_t k = 0; k < kCarKinds && counts.cars > 0; ++k)
-    for (size_t v = 0; v < kCarPaints; ++v)
-      SPILLWAY_TRY(visit(fmt::format("car{}_{}", k, v), numbers.cars[k][v],
-                         [k, v](Geometry& g) { car(g, static_cast<CarKind>(k), static_cast<int>(v)); }));
-  if (counts.sea_tiles == 0) return {};
-  return visit("sea", numbers.sea, sea_tile);
+std::vector<Standing> City::at_sea() const {
+  std::vector<Standing> standing;
+  for (const Vec2 at : sea_places(terrain_)) standing.push_back({{{at.x, at.y, 0}}, 1, kSeaPrototype});
+  if (building_count() == 0) return standing;
+  for (const Frame& place : boat_places(terrain_, options_.seed)) {
+    const double drawn = Random(key_of(options_.seed, standing.size())).unit();
+    const BoatKind kind = drawn < 0.6 ? BoatKind::sailboat : drawn < 0.85 ? BoatKind::trawler : BoatKind::ferry;
+    standing.push_back({place, 1, kFirstBoat + static_cast<uint32_t>(kind)});
+  }
+  return standing;
 }
 
 Status City::emit_prototypes(pipeline::SceneSink& sink, Objects& objects) const {
-  return visit_prototypes(counts_, objects, [&](const std::string& name, uint32_t& object, const auto& make) {
-    object = sink.begin_object(name);
-    Geometry g = made(Geometry::Mode::keep, make);
-    if (g.mesh(Surface::water).normals.empty()) g.weld();
-    return add_meshes(sink, g, name, object, TimeOfDay::day);
-  });
+  const std::vector<Prototype> all = catalogue(plan_options_.designs, build_options_);
+  objects.assign(all.size(), 0);
+  for (size_t i = 0; i < all.size(); ++i) {
+    if (used_[i] == 0) continue;
+    objects[i] = sink.begin_object(all[i].name);
+    Geometry g = geometry(Geometry::Mode::keep);
+    all[i].make(g);
+    if (i != kSeaPrototype) g.weld();  // the sea has normals
+    SPILLWAY_TRY(add_geometry(sink, g, {all[i].name, objects[i], options_.time}));
+  }
+  return {};
 }
 
-ByPrototype<uint64_t> City::count_prototypes() {
-  ByPrototype<uint64_t> sizes;
-  CityCounts all;  // whatever may stand somewhere: what is planned is known
-  all.street_lights = all.trees = all.cars = 0;
-  for (const Row& row : rows_) all.street_lights += row.lamps, all.trees += row.trees, all.cars += row.cars;
-  all.sea_tiles = counts_.sea_tiles = sea_places(terrain_).size();
-  const Status counted = visit_prototypes(all, sizes, [&](const std::string&, uint64_t& size, const auto& make) -> Status {
-    const Geometry g = made(Geometry::Mode::count, make);
-    size = g.triangle_count();
-    counts_.prototype_triangles += size, counts_.meshes += mesh_count(g);
-    return {};
-  });
-  SPILLWAY_CHECK(static_cast<bool>(counted), ==, true);
-  counts_.instanced_triangles = sizes.sea * counts_.sea_tiles;
-  return sizes;
+void City::count_prototypes() {
+  for (const Standing& s : at_sea()) {
+    ++used_[s.prototype];
+    ++(s.prototype == kSeaPrototype ? counts_.sea_tiles : counts_.boats);
+  }
+  const std::vector<Prototype> all = catalogue(plan_options_.designs, build_options_);
+  for (size_t i = 0; i < all.size(); ++i) {
+    if (used_[i] == 0) continue;
+    Geometry g = geometry(Geometry::Mode::count);
+    all[i].make(g);
+    counts_.prototype_triangles += g.triangle_count();
+    counts_.instances += used_[i], counts_.instanced_triangles += used_[i] * g.triangle_count();
+    count_surfaces(counts_, g);
+  }
 }
 
 void City::make_land(Geometry& g, int part) const {
   land(g, terrain_, options_.seed, part, kLandParts);
-  if (options_.buildings > 0) waterfront(g, terrain_, options_.seed, options_.time, part, kLandParts);
+  if (building_count() > 0) waterfront(g, terrain_, options_.seed, options_.time, part, kLandParts);
 }
 
 void City::count_land() {
   for (int part = 0; part < kLandParts; ++part) {
-    const Geometry g = made(Geometry::Mode::count, [&](Geometry& into) { make_land(into, part); });
-    for (size_t s = 0; s < kSurfaceCount; ++s)
-      if (const auto surface = static_cast<Surface>(s); !is_black(emission_of(surface, options_.time)))
-        counts_.light_triangles += g.triangle_count(surface);
-    counts_.ground_triangles += g.triangle_count(), counts_.meshes += mesh_count(g);
+    Geometry g = geometry(Geometry::Mode::count);
+    make_land(g, part);
+    counts_.ground_triangles += g.triangle_count();
+    count_surfaces(counts_, g);
   }
 }
 
 City::Made City::make_tile(size_t tile) const {
-  Made made;
+  Made made{geometry(Geometry::Mode::keep), {}};
   for (size_t i = tiles_[tile].first_block; i < tiles_[tile].last_block; ++i) {
-    const Contents contents = City::contents(i);
-    make_buildings(made.geometry, contents);
-    make_ground(made.geometry, i, contents);
-    made.lamps.insert(made.lamps.end(), contents.lamps.begin(), contents.lamps.end());
-    made.trees.insert(made.trees.end(), contents.trees.begin(), contents.trees.end());
-    made.cars.insert(made.cars.end(), contents.cars.begin(), contents.cars.end());
+    const Contents c = contents(i);
+    make_buildings(made.geometry, c);
+    make_ground(made.geometry, i, c);
+    for (const auto* standing : {&c.lamps, &c.trees, &c.cars, &c.lanterns, &c.instanced_buildings})
+      made.standing.insert(made.standing.end(), standing->begin(), standing->end());
   }
   made.geometry.weld();
   return made;
@@ -148,37 +167,48 @@ Status City::emit_tiles(pipeline::SceneSink& sink, const Objects& objects) const
   size_t next = 0, said = 0;
   Status status;
   const auto say = [&](const Made& tile) -> Status {
-    SPILLWAY_TRY(add_meshes(sink, tile.geometry, fmt::format("tile{:05}", said), 0, options_.time));
-    for (const Standing& s : tile.lamps) SPILLWAY_TRY(sink.add_instance(objects.lamps[s.kind], affine(s.frame, s.scale)));
-    for (const Standing& s : tile.trees) SPILLWAY_TRY(sink.add_instance(objects.trees[s.kind][s.variant], affine(s.frame, s.scale)));
-    for (const Standing& s : tile.cars) SPILLWAY_TRY(sink.add_instance(objects.cars[s.kind][s.variant], affine(s.frame, s.scale)));
+    SPILLWAY_TRY(add_geometry(sink, tile.geometry, {fmt::format("tile{:05}", said), 0, options_.time}));
+    for (const Standing& s : tile.standing)
+      SPILLWAY_TRY(sink.add_instance(objects[s.prototype], affine(s.frame, s.scale)));
     return {};
   };
   using Handed = std::shared_ptr<Made>;
   const auto tokens = static_cast<size_t>(std::clamp(2 * tbb::this_task_arena::max_concurrency(), 2, 16));
   tbb::parallel_pipeline(
-      tokens, tbb::make_filter<void, size_t>(tbb::filter_mode::serial_in_order,
-                                             [&](tbb::flow_control& control) {
-                                               if (next == tiles_.size() || !status) control.stop();
-                                               return next++;
-                                             }) &
-                  tbb::make_filter<size_t, Handed>(tbb::filter_mode::parallel,
-                                                   [&](size_t tile) { return std::make_shared<Made>(make_tile(tile)); }) &
-                  tbb::make_filter<Handed, void>(tbb::filter_mode::serial_in_order, [&](const Handed& tile) {
-                    if (status) status = say(*tile);
-                    ++said;
-                  }));
+      tokens, tbb::make_filter<void, size_t>(tbb::filter_mode::serial_in_order, [&](tbb::flow_control& control) {
+                if (next == tiles_.size() || !status) control.stop();
+                return next++;
+              }) & tbb::make_filter<size_t, Handed>(tbb::filter_mode::parallel, [&](size_t tile) {
+                return std::make_shared<Made>(make_tile(tile));
+              }) & tbb::make_filter<Handed, void>(tbb::filter_mode::serial_in_order, [&](const Handed& tile) {
+                if (status) status = say(*tile);
+                ++said;
+              }));
   return status;
 }
 
 Status City::emit_land(pipeline::SceneSink& sink, const Objects& objects) const {
   for (int part = 0; part < kLandParts; ++part) {
-    Geometry g = made(Geometry::Mode::keep, [&](Geometry& into) { make_land(into, part); });
+    Geometry g = geometry(Geometry::Mode::keep);
+    make_land(g, part);
     g.weld();
-    SPILLWAY_TRY(add_meshes(sink, g, fmt::format("land{:02}", part), 0, options_.time));
+    SPILLWAY_TRY(add_geometry(sink, g, {fmt::format("land{:02}", part), 0, options_.time}));
   }
-  for (const Vec2 at : sea_places(terrain_)) SPILLWAY_TRY(sink.add_instance(objects.sea, affine({{at.x, at.y, 0}}, 1)));
+  for (const Standing& s : at_sea()) SPILLWAY_TRY(sink.add_instance(objects[s.prototype], affine(s.frame, s.scale)));
   return {};
+}
+
+View City::view(uint32_t frame) const {
+  return view_of(options_.camera, static_cast<double>(frame - 1) / (kFlightFrames - 1), blocks_, terrain_);
+}
+
+void City::emit_cameras(pipeline::SceneSink& sink) const {
+  sink.set_settings(settings_of(view(options_.first_frame)));
+  if (options_.last_frame == options_.first_frame) return;
+  std::vector<shading::Camera> cameras;
+  for (uint32_t frame = options_.first_frame; frame <= options_.last_frame; ++frame)
+    cameras.push_back(settings_of(view(frame)).camera);
+  sink.set_camera_path(options_.first_frame, cameras);
 }
 
 Status City::emit(pipeline::SceneSink& sink, const std::filesystem::path& sky) const {
@@ -187,7 +217,7 @@ Status City::emit(pipeline::SceneSink& sink, const std::filesystem::path& sky) c
     SPILLWAY_ASSIGN(const MaterialId id, sink.add_material(material_of(surface), std::string(name(surface))));
     if (id.value != s) return error("material {} was given number {}", name(surface), id.value);
   }
-  sink.set_settings(settings_of(view(options_.camera, options_.flight_part)));
+  emit_cameras(sink);
   SPILLWAY_TRY(add_light(sink, options_.time, sky));
   Objects objects;
   SPILLWAY_TRY(emit_prototypes(sink, objects));

@@ -24,11 +24,31 @@ void reveals(Geometry& g, Surface surface, const Frame& f, const Opening& o, dou
 }
 
 void sill(Geometry& g, Surface surface, const Frame& f, const Opening& o) {
-  box(g, surface, f, {o.x0 - 0.08, -0.1, o.z0 - 0.12}, {o.x1 + 0.08, 0.02, o.z0}, kFront | kTop | kBottom | kLeft | kRight);
+  box(g, surface, f, {o.x0 - 0.08, -0.1, o.z0 - 0.12}, {o.x1 + 0.08, 0.02, o.z0},
+      kFront | kTop | kBottom | kLeft | kRight);
 }
 
 void lintel(Geometry& g, Surface surface, const Frame& f, const Opening& o) {
   box(g, surface, f, {o.x0 - 0.12, -0.05, o.z1}, {o.x1 + 0.12, 0.02, o.z1 + 0.2}, kFront | kTop | kBottom);
+}
+
+// The same of bars: they stand out, and there are more of them.
+void deep_sash(Geometry& g, Surface surface, const Frame& f, const Opening& o, double depth, int level) {
+  const double w = std::min(0.06, (o.x1 - o.x0) / 8), y = depth - 0.07;
+  const auto bar = [&](double x0, double x1, double z0, double z1, double front) {
+    box(g, surface, f, {x0, front, z0}, {x1, depth, z1}, kAllFaces & ~kBack);
+  };
+  bar(o.x0, o.x0 + w, o.z0, o.z1, y), bar(o.x1 - w, o.x1, o.z0, o.z1, y);
+  bar(o.x0 + w, o.x1 - w, o.z0, o.z0 + w, y), bar(o.x0 + w, o.x1 - w, o.z1 - w, o.z1, y);
+  const int rows = level >= 5 ? 4 : 2, columns = std::max(level >= 5 ? 2 : 1, static_cast<int>((o.x1 - o.x0) / 0.8));
+  for (int i = 1; i < rows; ++i) {
+    const double z = o.z0 + (o.z1 - o.z0) * i / rows;
+    bar(o.x0 + w, o.x1 - w, z - w / 3, z + w / 3, y + 0.02);
+  }
+  for (int i = 1; i < columns; ++i) {
+    const double x = o.x0 + (o.x1 - o.x0) * i / columns;
+    bar(x - w / 3, x + w / 3, o.z0 + w, o.z1 - w, y + 0.025);
+  }
 }
 
 // A frame around the pane and bars across it, just before it.
@@ -59,6 +79,7 @@ void window(Geometry& g, const Frame& f, const Opening& o, const FacadeStyle& st
   if (style.shutters && style.level >= 2) shutters(g, style.trim, f, o);
   if (style.level < 3) return;
   lintel(g, style.trim, f, o);
+  if (style.bars && style.level >= 4) return deep_sash(g, style.trim, f, o, style.recess_m, style.level);
   if (style.bars) sash(g, style.trim, f, o, style.recess_m);
 }
 
@@ -173,7 +194,8 @@ namespace {
 void awning(Geometry& g, Surface surface, const Frame& f, double x0, double x1, double z) {
   constexpr double kOut = 1.3, kDrop = 0.7;
   g.quad(surface, f, {x0, -kOut, z - kDrop}, {x1, -kOut, z - kDrop}, {x1, 0, z}, {x0, 0, z});
-  g.quad(surface, f, {x0, -kOut, z - kDrop - 0.25}, {x1, -kOut, z - kDrop - 0.25}, {x1, -kOut, z - kDrop}, {x0, -kOut, z - kDrop});
+  g.quad(surface, f, {x0, -kOut, z - kDrop - 0.25}, {x1, -kOut, z - kDrop - 0.25}, {x1, -kOut, z - kDrop},
+         {x0, -kOut, z - kDrop});
   g.triangle(surface, f.point({x0, 0, z}), f.point({x0, 0, z - kDrop}), f.point({x0, -kOut, z - kDrop}));
   g.triangle(surface, f.point({x1, 0, z}), f.point({x1, -kOut, z - kDrop}), f.point({x1, 0, z - kDrop}));
 }
@@ -187,10 +209,10 @@ void door(Geometry& g, const Frame& f, const Opening& o, double depth, Surface f
 
 // The board over the shop: a dark box by day, letters of light by night.
 void sign_board(Geometry& g, const Frame& f, const Opening& o, const FacadeStyle& style, Random& random) {
-  static constexpr Surface kSigns[] = {Surface::sign_pink, Surface::sign_cyan, Surface::sign_amber, Surface::sign_green,
-                                       Surface::lit_warm, Surface::lit_neutral};
-  static constexpr Surface kBoards[] = {Surface::trim_dark, Surface::awning_red, Surface::awning_green, Surface::awning_navy,
-                                        Surface::trim_white};
+  static constexpr Surface kSigns[] = {Surface::sign_pink,  Surface::sign_cyan, Surface::sign_amber,
+                                       Surface::sign_green, Surface::lit_warm,  Surface::lit_neutral};
+  static constexpr Surface kBoards[] = {Surface::trim_dark, Surface::awning_red, Surface::awning_green,
+                                        Surface::awning_navy, Surface::trim_white};
   box(g, kBoards[random.below(5)], f, {o.x0, -0.12, o.z0}, {o.x1, 0, o.z1}, kFront | kTop | kBottom | kLeft | kRight);
   const Surface letters = kSigns[random.below(6)];
   const int count = 3 + static_cast<int>(random.below(6));
@@ -225,8 +247,10 @@ void shop_front(Geometry& g, const Wall& wall, const FacadeStyle& style, Random 
       wall_quad(g, style.trim, f, {split, x1, 0, base}, 0);
       window(g, f, {split, x1, base, head}, style, pane_surface(Surface::glass_dark, lighting, random));
     }
-    if (random.chance(0.4)) awning(g, awning_surface, f, x0 - 0.15, x1 + 0.15, head + 0.25);
-    else sign_board(g, f, {x0, x1, head + 0.08, h - 0.12}, style, random);
+    if (random.chance(0.4))
+      awning(g, awning_surface, f, x0 - 0.15, x1 + 0.15, head + 0.25);
+    else
+      sign_board(g, f, {x0, x1, head + 0.08, h - 0.12}, style, random);
   }
   wall_quad(g, style.trim, f, {x, wall.width_m, 0, head}, 0);
 }
@@ -238,14 +262,17 @@ void house_front(Geometry& g, const Wall& wall, const FacadeStyle& style, Random
   const double x0 = left ? wall.width_m * 0.12 : wall.width_m * 0.88 - 1.1, x1 = x0 + 1.1;
   const Wall before{f, x0, h, 1}, behind{f.at({x1, 0, 0}), wall.width_m - x1, h, 1};
   for (const Wall& side : {before, behind}) {
-    if (side.width_m > 1.6) punched_facade(g, side, style, random);
-    else if (side.width_m > 0) wall_quad(g, style.wall, side.frame, {0, side.width_m, 0, h}, 0);
+    if (side.width_m > 1.6)
+      punched_facade(g, side, style, random);
+    else if (side.width_m > 0)
+      wall_quad(g, style.wall, side.frame, {0, side.width_m, 0, h}, 0);
   }
   wall_quad(g, style.wall, f, {x0, x1, head, h}, 0);
   door(g, f, {x0, x1, 0.3, head}, 0.2, style.trim);
   box(g, style.trim, f, {x0 - 0.2, -0.9, -0.4}, {x1 + 0.2, 0, 0.3}, kFront | kLeft | kRight | kTop);
   box(g, style.trim, f, {x0 - 0.2, -1.25, -0.4}, {x1 + 0.2, -0.9, 0.1}, kFront | kLeft | kRight | kTop);
-  if (style.level >= 2) box(g, style.trim, f, {x0 - 0.3, -0.8, head + 0.1}, {x1 + 0.3, 0, head + 0.28}, kAllFaces & ~kBack);
+  if (style.level >= 2)
+    box(g, style.trim, f, {x0 - 0.3, -0.8, head + 0.1}, {x1 + 0.3, 0, head + 0.28}, kAllFaces & ~kBack);
 }
 
 void garage_facade(Geometry& g, const Wall& wall, const FacadeStyle& style) {
@@ -253,7 +280,8 @@ void garage_facade(Geometry& g, const Wall& wall, const FacadeStyle& style) {
   const double h = wall.floor_m;
   for (int floor = 0; floor < wall.floors; ++floor) {
     const double z = h * floor;
-    box(g, style.wall, wall.frame, {0, -0.1, z + (floor == 0 ? 0 : -0.3)}, {wall.width_m, 0.12, z + 1.05}, kFront | kBack | kTop | kBottom);
+    box(g, style.wall, wall.frame, {0, -0.1, z + (floor == 0 ? 0 : -0.3)}, {wall.width_m, 0.12, z + 1.05},
+        kFront | kBack | kTop | kBottom);
     for (int i = 0; i <= bays.count; ++i) {
       const double x = std::clamp(bays.width * i, 0.25, wall.width_m - 0.25);
       box(g, style.wall, wall.frame, {x - 0.25, 0, z + 1.05}, {x + 0.25, 0.5, z + h - 0.3}, kSides);

@@ -2,9 +2,9 @@
 
 // Walls with windows: bays across, floors up.
 //
-// A wall's frame has its origin at the lower left corner seen from the street, x along the wall, y into the building, z up.
-// `level` says how far a window is worked out: 0 panes on the wall; 1 openings with reveals; 2 sills; 3 frames and bars,
-// lintels. Which panes are lit is drawn per building and per floor.
+// A wall's frame has its origin at the lower left corner seen from the street, x along the wall, y into the building, z
+// up. `level` says how far a window is worked out: 0 panes on the wall; 1 openings with reveals; 2 sills; 3 frames and
+// bars, lintels; 4 and 5 frames and bars of boxes. Which panes are lit is drawn per building and per floor.
 
 #include "tools/city/geometry.h"
 #include "tools/city/random.h"
@@ -29,12 +29,12 @@ struct Lighting {
 struct FacadeStyle {
   Surface wall = Surface::brick_red, trim = Surface::trim_stone, glass = Surface::glass_dark;
   int level = 1;
-  double bay_m = 3;            // wanted; bays fill the wall evenly
-  double window_share = 0.45;  // of the bay's width
+  double bay_m = 3;                            // wanted; bays fill the wall evenly
+  double window_share = 0.45;                  // of the bay's width
   double sill_share = 0.28, head_share = 0.8;  // of the floor's height
   double recess_m = 0.18;
-  bool bars = true;            // level 3: sashes
-  double balcony_chance = 0;   // of a bay column
+  bool bars = true;           // level 3: sashes
+  double balcony_chance = 0;  // of a bay column
   bool shutters = false;
   Lighting lighting;
 };

@@ -27,7 +27,8 @@ Waypoint walk(const Polygon& polygon, double distance) {
   for (size_t i = 0; i < polygon.size(); ++i) {
     const Vec2 edge = next_corner(polygon, i).at - polygon[i].at;
     const double size = length(edge);
-    if (distance <= size || i + 1 == polygon.size()) return {polygon[i].at + edge * std::min(distance / size, 1.0), normalize(edge)};
+    if (distance <= size || i + 1 == polygon.size())
+      return {polygon[i].at + edge * std::min(distance / size, 1.0), normalize(edge)};
     distance -= size;
   }
   return {};
@@ -54,12 +55,23 @@ Vec2 random_point(const Polygon& polygon, Random& random) {
 TreeKind tree_kind(const Block& block, Random& random) {
   const double drawn = random.unit();
   switch (block.district) {
-    case District::old_town: return drawn < 0.75 ? TreeKind::blossom : TreeKind::round;
-    case District::hillside: return drawn < 0.4 ? TreeKind::conifer : drawn < 0.8 ? TreeKind::round : TreeKind::tall;
-    case District::suburb: return drawn < 0.5 ? TreeKind::round : drawn < 0.7 ? TreeKind::conifer : drawn < 0.85 ? TreeKind::tall : TreeKind::blossom;
-    default: break;
+    case District::old_town:
+      return drawn < 0.75 ? TreeKind::blossom : TreeKind::round;
+    case District::hillside:
+      return drawn < 0.4 ? TreeKind::conifer : drawn < 0.8 ? TreeKind::round : TreeKind::tall;
+    case District::suburb:
+      return drawn < 0.5    ? TreeKind::round
+             : drawn < 0.7  ? TreeKind::conifer
+             : drawn < 0.85 ? TreeKind::tall
+                            : TreeKind::blossom;
+    default:
+      break;
   }
-  if (block.use == BlockUse::park) return drawn < 0.45 ? TreeKind::round : drawn < 0.7 ? TreeKind::tall : drawn < 0.85 ? TreeKind::blossom : TreeKind::conifer;
+  if (block.use == BlockUse::park)
+    return drawn < 0.45   ? TreeKind::round
+           : drawn < 0.7  ? TreeKind::tall
+           : drawn < 0.85 ? TreeKind::blossom
+                          : TreeKind::conifer;
   return Random(block.key).unit() < 0.25 ? TreeKind::blossom : drawn < 0.75 ? TreeKind::round : TreeKind::tall;
 }
 
@@ -67,8 +79,8 @@ Standing tree_at(const Block& block, Vec2 at, const Terrain& terrain, Random& ra
   Standing tree;
   tree.frame = {on_ground(terrain, at, kKerbHeight_m), direction_of(random.between(0, kTurn))};
   tree.scale = random.between(0.75, 1.2);
-  tree.kind = static_cast<uint32_t>(tree_kind(block, random));
-  tree.variant = random.below(kTreeVariants);
+  const TreeKind kind = tree_kind(block, random);
+  tree.prototype = tree_prototype(kind, random.below(kTreeVariants));
   return tree;
 }
 
@@ -111,7 +123,9 @@ std::vector<Standing> lamps(const Block& block, uint64_t count, const Terrain& t
   for (uint64_t i = 0; i < count; ++i) {
     const Waypoint way = walk(line, whole * (static_cast<double>(i) + 0.5) / static_cast<double>(count));
     const Vec2 outwards = left_of(way.along) * -1;
-    standing.push_back({{on_ground(terrain, way.at, kKerbHeight_m), outwards}, 1, static_cast<uint32_t>(lamp_kind(block.district)), 0});
+    standing.push_back({{on_ground(terrain, way.at, kKerbHeight_m), outwards},
+                        1,
+                        static_cast<uint32_t>(lamp_kind(block.district))});
   }
   return standing;
 }
@@ -126,8 +140,9 @@ std::vector<Standing> trees(const Block& block, const std::vector<Lot>& lots, co
   for (uint64_t i = 0; i < count; ++i) {
     const bool in_street = line.size() >= 3 && (i < street || (block.use != BlockUse::park && !has_gardens(block)));
     const double row = static_cast<double>(std::min(count, std::max<uint64_t>(street, 1)));
-    Vec2 at = in_street ? walk(line, std::fmod(whole * (static_cast<double>(i) + 0.1 + 0.2 * random.unit()) / row, whole)).at
-                        : random_point(block.kerb, random);
+    Vec2 at = in_street
+                  ? walk(line, std::fmod(whole * (static_cast<double>(i) + 0.1 + 0.2 * random.unit()) / row, whole)).at
+                  : random_point(block.kerb, random);
     if (!in_street && has_gardens(block) && !lots.empty())
       for (int attempt = 0; attempt < 12; ++attempt) {
         at = random_point(lots[random.below(static_cast<uint32_t>(lots.size()))].polygon, random);
@@ -153,11 +168,17 @@ std::vector<Standing> cars(const Block& block, uint64_t count, const Terrain& te
     for (uint64_t k = 0; k < here; ++k, ++place) {
       // Of all places, as many as there are cars, evenly chosen.
       if ((place + 1) * count / places == place * count / places) continue;
-      const Vec2 at = a + along * (kFreeCorner_m + kCarPlace_m * (static_cast<double>(k) + 0.5) + random.between(-0.25, 0.25)) + out * kCarFromKerb_m;
+      const Vec2 at =
+          a + along * (kFreeCorner_m + kCarPlace_m * (static_cast<double>(k) + 0.5) + random.between(-0.25, 0.25)) +
+          out * kCarFromKerb_m;
       const double drawn = random.unit();
-      const CarKind kind = drawn < 0.45 ? CarKind::sedan : drawn < 0.8 ? CarKind::hatchback : drawn < 0.92 ? CarKind::van : CarKind::pickup;
+      const CarKind kind = drawn < 0.45   ? CarKind::sedan
+                           : drawn < 0.8  ? CarKind::hatchback
+                           : drawn < 0.92 ? CarKind::van
+                                          : CarKind::pickup;
       // Traffic keeps to the right: the kerb is at the car's right hand.
-      standing.push_back({{on_ground(terrain, at, 0.01), along}, 1, static_cast<uint32_t>(kind), random.below(kCarPaints)});
+      standing.push_back(
+          {{on_ground(terrain, at, 0.01), along}, 1, car_prototype(kind, random.below(kCarPaints))});
     }
   }
   return standing;

@@ -1,13 +1,14 @@
 #pragma once
 
-// Where lamps, trees and cars stand: along kerbs, in parks and gardens, beside pavements. Counts are given, places follow.
+// Where lamps, trees and cars stand: along kerbs, in parks and gardens, beside pavements. Counts are given, places
+// follow.
 
 #include <cstdint>
 #include <vector>
 
 #include "tools/city/buildings.h"
+#include "tools/city/catalogue.h"
 #include "tools/city/geometry.h"
-#include "tools/city/prototypes.h"
 #include "tools/city/terrain.h"
 
 namespace spillway::tools::city {
@@ -22,17 +23,12 @@ struct Room {
 };
 [[nodiscard]] Room room_of(const Block& block, const std::vector<Lot>& lots);
 
-struct Standing {
-  Frame frame;
-  double scale = 1;
-  uint32_t kind = 0, variant = 0;  // of its prototype
-};
-
 [[nodiscard]] LampKind lamp_kind(District district);
 [[nodiscard]] std::vector<Standing> lamps(const Block& block, uint64_t count, const Terrain& terrain);
 // Never inside of a footprint.
 [[nodiscard]] std::vector<Standing> trees(const Block& block, const std::vector<Lot>& lots,
-                                          const std::vector<Building>& buildings, uint64_t count, const Terrain& terrain);
+                                          const std::vector<Building>& buildings, uint64_t count,
+                                          const Terrain& terrain);
 [[nodiscard]] std::vector<Standing> cars(const Block& block, uint64_t count, const Terrain& terrain);
 
 }  // namespace spillway::tools::city

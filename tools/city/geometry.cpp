@@ -83,9 +83,10 @@ void Geometry::smooth(Surface surface) {
   for (Float3& n : mesh.normals) n = length_squared(n) > 0 ? spillway::normalize(n) : Float3{0, 0, 1};
 }
 
-void Geometry::clear() {
-  counts_.fill(0);
-  for (SurfaceMesh& mesh : meshes_) mesh = {};
+void Geometry::add_cage(Cage cage) {
+  ++cage_count_, cage_face_count_ += cage.face_count();
+  counts_[static_cast<size_t>(cage.surface)] += 2 * cage.face_count() * tessellation_ * tessellation_;
+  if (keeps_) cages_.push_back(std::move(cage));
 }
 
 uint64_t Geometry::triangle_count() const { return std::accumulate(counts_.begin(), counts_.end(), uint64_t{0}); }

@@ -2,14 +2,15 @@
 
 // Triangles by surface: what a tile, or a prototype, is made of.
 //
-// Local coordinates are metres in double precision (x along a front, y to its left, z up); they become 32-bit floats once,
-// when a triangle is added. A Geometry that only counts goes the same ways and keeps nothing.
+// Local coordinates are metres in double precision (x along a front, y to its left, z up); they become 32-bit floats
+// once, when a triangle is added. A Geometry that only counts goes the same ways and keeps nothing.
 
 #include <array>
 #include <cstdint>
 #include <vector>
 
 #include "cache/base/vec.h"
+#include "pipeline/pack/scene_sink.h"
 #include "tools/city/palette.h"
 #include "tools/city/polygon.h"
 
@@ -51,10 +52,23 @@ struct SurfaceMesh {
   std::vector<uint32_t> indices;
 };
 
+// A Catmull-Clark cage; see cage.h.
+struct Cage {
+  Surface surface{};
+  std::vector<Float3> positions;
+  std::vector<uint32_t> indices;  // four a face
+  std::vector<pipeline::SharpEdge> sharp_edges;
+  std::vector<uint32_t> holes;  // faces without a surface
+
+  [[nodiscard]] uint64_t face_count() const { return indices.size() / 4 - holes.size(); }
+};
+
 class Geometry {
  public:
   enum class Mode { keep, count };
-  explicit Geometry(Mode mode = Mode::keep) : keeps_(mode == Mode::keep) {}
+  // tessellation: 0 when cages stay cages; else they count as the triangles of so many pieces an edge.
+  explicit Geometry(Mode mode = Mode::keep, uint32_t tessellation = 0)
+      : keeps_(mode == Mode::keep), tessellation_(tessellation) {}
 
   // Counter-clockwise seen from outside.
   void triangle(Surface surface, Float3 a, Float3 b, Float3 c);
@@ -62,18 +76,25 @@ class Geometry {
   void quad(Surface surface, const Frame& frame, Vec3 a, Vec3 b, Vec3 c, Vec3 d) {
     quad(surface, frame.point(a), frame.point(b), frame.point(c), frame.point(d));
   }
+  void add_cage(Cage cage);
   // Equal positions become one vertex. Of meshes without normals.
   void weld();
   // Normals: the mean of the faces at a vertex, by area. After weld().
   void smooth(Surface surface);
-  void clear();
 
   [[nodiscard]] uint64_t triangle_count(Surface surface) const { return counts_[static_cast<size_t>(surface)]; }
   [[nodiscard]] uint64_t triangle_count() const;
+  [[nodiscard]] const std::vector<Cage>& cages() const { return cages_; }
+  [[nodiscard]] uint64_t cage_count() const { return cage_count_; }
+  [[nodiscard]] uint64_t cage_face_count() const { return cage_face_count_; }
+  [[nodiscard]] uint32_t tessellation() const { return tessellation_; }
   [[nodiscard]] const SurfaceMesh& mesh(Surface surface) const { return meshes_[static_cast<size_t>(surface)]; }
 
  private:
   bool keeps_;
+  uint32_t tessellation_;
+  uint64_t cage_count_ = 0, cage_face_count_ = 0;
+  std::vector<Cage> cages_;
   std::array<uint64_t, kSurfaceCount> counts_{};
   std::array<SurfaceMesh, kSurfaceCount> meshes_;
 };

@@ -22,7 +22,9 @@ class Layer {
     for (size_t i = 1; i + 1 < polygon.size(); ++i)
       g_.triangle(surface, point(polygon[0].at), point(polygon[i].at), point(polygon[i + 1].at));
   }
-  void quad(Surface surface, Vec2 a, Vec2 b, Vec2 c, Vec2 d) { g_.quad(surface, point(a), point(b), point(c), point(d)); }
+  void quad(Surface surface, Vec2 a, Vec2 b, Vec2 c, Vec2 d) {
+    g_.quad(surface, point(a), point(b), point(c), point(d));
+  }
 
  private:
   Geometry& g_;
@@ -186,8 +188,10 @@ void shore_strip(Geometry& g, const Terrain& terrain, uint64_t seed, double x0, 
     strip(Surface::rock, level(x0, -14, -9), level(x1, -14, -9), level(x1, -3.5, -0.6), level(x0, -3.5, -0.6));
     strip(Surface::rock, level(x0, -3.5, -0.6), level(x1, -3.5, -0.6), level(x1, 0, 0.7), level(x0, 0, 0.7));
     strip(Surface::concrete, level(x0, 0, 0.2), level(x1, 0, 0.2), level(x1, 0.3, quay_z), level(x0, 0.3, quay_z));
-    strip(Surface::kerb, level(x0, 0.3, quay_z), level(x1, 0.3, quay_z), level(x1, 1.1, quay_z), level(x0, 1.1, quay_z));
-    strip(Surface::plaza, level(x0, 1.1, quay_z - 0.1), level(x1, 1.1, quay_z - 0.1), at(x1, 16, -0.05), at(x0, 16, -0.05));
+    strip(Surface::kerb, level(x0, 0.3, quay_z), level(x1, 0.3, quay_z), level(x1, 1.1, quay_z),
+          level(x0, 1.1, quay_z));
+    strip(Surface::plaza, level(x0, 1.1, quay_z - 0.1), level(x1, 1.1, quay_z - 0.1), at(x1, 16, -0.05),
+          at(x0, 16, -0.05));
   } else {
     strip(Surface::sand, at(x0, -30, 0), at(x1, -30, 0), at(x1, -14, 0), at(x0, -14, 0));
     strip(Surface::sand, at(x0, -14, 0), at(x1, -14, 0), at(x1, 0, 0), at(x0, 0, 0));
@@ -196,8 +200,8 @@ void shore_strip(Geometry& g, const Terrain& terrain, uint64_t seed, double x0, 
   double last = 16;
   for (const double next : {32.0, 60.0, kShoreBand_m}) {
     const Vec2 middle{(x0 + x1) / 2, terrain.shore_y((x0 + x1) / 2) + next};
-    strip(land_surface(terrain, seed, middle, 4), at(x0, last, last < 20 ? -0.05 : -0.5), at(x1, last, last < 20 ? -0.05 : -0.5),
-          at(x1, next, -0.5), at(x0, next, -0.5));
+    strip(land_surface(terrain, seed, middle, 4), at(x0, last, last < 20 ? -0.05 : -0.5),
+          at(x1, last, last < 20 ? -0.05 : -0.5), at(x1, next, -0.5), at(x0, next, -0.5));
     last = next;
   }
 }
@@ -234,7 +238,8 @@ void land(Geometry& g, const Terrain& terrain, uint64_t seed, int part, int part
       const Vec2 middle = (a + c) * 0.5;
       const double z = terrain.height(middle);
       if (z < -13.5) continue;  // deep below the water
-      const bool is_shore = terrain.has_bay() && std::fabs(middle.x) < 2.5 * r && std::fabs(terrain.inland(middle)) < 40;
+      const bool is_shore =
+          terrain.has_bay() && std::fabs(middle.x) < 2.5 * r && std::fabs(terrain.inland(middle)) < 40;
       if (is_shore) continue;
       g.quad(land_surface(terrain, seed, middle, z), layer.point(a), layer.point({c.x, a.y}), layer.point(c),
              layer.point({a.x, c.y}));
@@ -257,7 +262,8 @@ void sea_tile(Geometry& g) {
     double z = 0;
     for (const Wave& w : waves)
       z += w.rise_m * std::sin(kTurn * ((i % kCells) * w.x + (j % kCells) * w.y) / kCells + w.phase);
-    const double x = kSeaTile_m * (static_cast<double>(i) / kCells - 0.5), y = kSeaTile_m * (static_cast<double>(j) / kCells - 0.5);
+    const double x = kSeaTile_m * (static_cast<double>(i) / kCells - 0.5),
+                 y = kSeaTile_m * (static_cast<double>(j) / kCells - 0.5);
     return Float3{static_cast<float>(x), static_cast<float>(y), static_cast<float>(z)};
   };
   for (int j = 0; j < kCells; ++j)
@@ -280,6 +286,20 @@ std::vector<Vec2> sea_places(const Terrain& terrain) {
         wet = wet || terrain.inland({at.x + dx * kSeaTile_m, at.y - kSeaTile_m / 2}) < 0;
       if (wet) places.push_back(at);
     }
+  return places;
+}
+
+std::vector<Frame> boat_places(const Terrain& terrain, uint64_t seed) {
+  std::vector<Frame> places;
+  if (!terrain.has_bay()) return places;
+  const double r = terrain.radius_m();
+  const int count = std::clamp(static_cast<int>(r / 40), 8, 150);
+  for (int i = 0; i < count; ++i) {
+    Random random(key_of(seed, 0xb0a7 + static_cast<uint64_t>(i)));
+    const double x = r * random.between(-0.75, 0.8), out = random.unit();
+    const Vec2 at{x, terrain.shore_y(x) - r * (0.21 + 0.7 * out * out)};
+    if (terrain.height(at) < -6) places.push_back({{at.x, at.y, 0}, direction_of(random.between(0, kTurn))});
+  }
   return places;
 }
 

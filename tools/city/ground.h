@@ -23,5 +23,7 @@ inline constexpr double kSeaTile_m = 400;
 void sea_tile(Geometry& g);
 // Where squares of sea lie.
 [[nodiscard]] std::vector<Vec2> sea_places(const Terrain& terrain);
+// A boat's place and heading.
+[[nodiscard]] std::vector<Frame> boat_places(const Terrain& terrain, uint64_t seed);
 
 }  // namespace spillway::tools::city

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "tools/city/cage.h"
 #include "tools/city/mason.h"
 
 namespace spillway::tools::city {
@@ -38,7 +39,8 @@ void column(Mason& m, const Frame& f, double radius, double height_m) {
   box(m.g, m.style.trim, f, {-radius * 1.3, -radius * 1.3, 0}, {radius * 1.3, radius * 1.3, 0.3}, kStanding);
   cone(m.g, m.style.trim, f, sides, radius, 0.3, radius * 0.84, height_m - 0.5);
   cone(m.g, m.style.trim, f, sides, radius * 0.84, height_m - 0.5, radius * 1.2, height_m - 0.2);
-  box(m.g, m.style.trim, f, {-radius * 1.3, -radius * 1.3, height_m - 0.2}, {radius * 1.3, radius * 1.3, height_m}, kSides | kBottom);
+  box(m.g, m.style.trim, f, {-radius * 1.3, -radius * 1.3, height_m - 0.2}, {radius * 1.3, radius * 1.3, height_m},
+      kSides | kBottom);
 }
 
 // Columns, entablature and gable before the front; steps below.
@@ -46,9 +48,11 @@ void portico(Mason& m, double width_m, double height_m) {
   const Frame f = m.front_frame(m.z);
   const double w = m.b.width_m(), x0 = (w - width_m) / 2;
   constexpr double kOut = 2.4;
-  for (int i = 0; i < 6; ++i) column(m, f.at({x0 + width_m * (i + 0.5) / 6, -kOut + 0.6, 0}), height_m * 0.055, height_m);
+  for (int i = 0; i < 6; ++i)
+    column(m, f.at({x0 + width_m * (i + 0.5) / 6, -kOut + 0.6, 0}), height_m * 0.055, height_m);
   for (int step = 0; step < 4; ++step)
-    box(m.g, m.style.trim, f, {x0 - 0.3 * step, -kOut - 0.3 * step, -0.6 - 0.15 * step}, {x0 + width_m + 0.3 * step, 0, -0.15 * step}, kStanding);
+    box(m.g, m.style.trim, f, {x0 - 0.3 * step, -kOut - 0.3 * step, -0.6 - 0.15 * step},
+        {x0 + width_m + 0.3 * step, 0, -0.15 * step}, kStanding);
   box(m.g, m.style.trim, f, {x0, -kOut, height_m}, {x0 + width_m, 0, height_m + 0.9}, kSides | kBottom);
   const Frame gable{f.world({x0 + width_m, -kOut, height_m + 0.9}), left_of(f.x_axis)};
   gable_roof(m.g, m.b.roof, m.style.trim, gable, kOut, width_m, 0, width_m * 0.16, 0.2);
@@ -57,7 +61,8 @@ void portico(Mason& m, double width_m, double height_m) {
 }  // namespace
 
 void build_church(Mason& m) {
-  m.style.bay_m = 4.5, m.style.window_share = 0.32, m.style.sill_share = 0.2, m.style.head_share = 0.9, m.style.recess_m = 0.35;
+  m.style.bay_m = 4.5, m.style.window_share = 0.32, m.style.sill_share = 0.2, m.style.head_share = 0.9,
+  m.style.recess_m = 0.35;
   const double w = m.b.width_m(), d = m.b.depth_m(), h = m.b.height_m() * 0.85;
   const double tower = std::min(6.0, w * 0.4);
   const Vec2 x = m.front_axis(), y = left_of(x), origin = m.b.footprint[0].at;
@@ -81,7 +86,8 @@ void build_church(Mason& m) {
     const Vec2 at = shaft[static_cast<size_t>(corner)].at + (top - shaft[static_cast<size_t>(corner)].at) * 0.18;
     cone(m.g, m.style.trim, {{at.x, at.y, z}, x}, 6, tower * 0.1, 0, 0, tower * 0.7);
   }
-  cone(m.g, m.random.chance(0.5) ? Surface::copper : Surface::tile_slate, f.turned(kTurn / 16), 8, tower * 0.52, 0, 0, tower * 2.4);
+  cone(m.g, m.random.chance(0.5) ? Surface::copper : Surface::tile_slate, f.turned(kTurn / 16), 8, tower * 0.52, 0, 0,
+       tower * 2.4);
   beam(m.g, Surface::gold, f, {0, 0, tower * 2.4}, {0, 0, tower * 2.4 + 1.8}, 0.16);
   beam(m.g, Surface::gold, f, {-0.5, 0, tower * 2.4 + 1.2}, {0.5, 0, tower * 2.4 + 1.2}, 0.16);
 }
@@ -105,31 +111,38 @@ void build_domed_hall(Mason& m) {
   }
   cone(m.g, m.style.trim, f, sides, r * 1.12, r * 1.0, r * 1.12, r * 1.1);
   disk(m.g, m.style.trim, f, sides, r * 1.12, r * 1.1);
-  dome(m.g, m.b.roof, f, sides, 12, r, r * 1.1, r * 1.05);
+  dome_cage(m.g, m.b.roof, f, r * 1.02, r * 1.1, r * 1.1, m.random.chance(0.6));
   cone(m.g, m.style.trim, f, 12, r * 0.2, r * 2.1, r * 0.18, r * 2.5);
-  dome(m.g, m.b.roof, f, 12, 4, r * 0.22, r * 2.5, r * 0.25);
+  dome_cage(m.g, m.b.roof, f, r * 0.23, r * 2.5, r * 0.27, false);
   cone(m.g, Surface::gold, f, 8, r * 0.03, r * 2.7, 0, r * 3.2);
 }
 
 namespace {
 
-// A roof that flares: steep above, nearly level at the eaves, corners drawn up.
+// A roof that flares: steep above, nearly level at the eaves, corners drawn up. Hips and eaves are creases.
 void flared_roof(Mason& m, const Frame& f, double half, double out, double z, double rise, Surface roof) {
-  const double eave = half + out, mid = half + out * 0.45;
-  const Vec2 corners[4] = {{-1, -1}, {1, -1}, {1, 1}, {-1, 1}};
-  for (int i = 0; i < 4; ++i) {
-    const Vec2 a = corners[i], b = corners[(i + 1) % 4], c = (a + b) * 0.5;
-    const auto at = [&](Vec2 v, double r, double h) { return Vec3{v.x * r, v.y * r, z + h}; };
-    const double up = out * 0.3;  // corners above the middle of the eaves
-    const Vec3 ea = at(a, eave, up), em = at(c, eave, 0), eb = at(b, eave, up);
-    const Vec3 ma = at(a, mid, rise * 0.3), mm = at(c, mid, rise * 0.26), mb = at(b, mid, rise * 0.3);
-    const Vec3 ta = at(a, half * 0.72, rise), tb = at(b, half * 0.72, rise), tm = at(c, half * 0.72, rise);
-    m.g.quad(roof, f, ea, em, mm, ma), m.g.quad(roof, f, em, eb, mb, mm);
-    m.g.quad(roof, f, ma, mm, tm, ta), m.g.quad(roof, f, mm, mb, tb, tm);
-    beam(m.g, m.style.trim, f, ea, em, 0.18), beam(m.g, m.style.trim, f, em, eb, 0.18);
-    beam(m.g, m.style.trim, f, ta, ea, 0.22);
-    m.g.quad(Surface::wood_red, f, at(a, half, -0.1), at(b, half, -0.1), eb, ea);
-    octahedron(m.g, m.style.lighting.on ? Surface::sign_amber : Surface::awning_red, f.at(at(a, eave * 0.98, up - 0.55)), 0.22, 0.32);
+  const double eave = half + out, mid = half + out * 0.4, up = out * 0.42;
+  constexpr Vec2 kAround[8] = {{-1, -1}, {0, -1}, {1, -1}, {1, 0}, {1, 1}, {0, 1}, {-1, 1}, {-1, 0}};
+  const auto ring = [&](double r, double corner_z, double middle_z) {
+    std::vector<Vec3> points;
+    for (int i = 0; i < 8; ++i)
+      points.push_back({kAround[i].x * r, kAround[i].y * r, z + (i % 2 == 0 ? corner_z : middle_z)});
+    return points;
+  };
+  RingStack stack;
+  stack.rings = {ring(half * 0.98, 0.05, 0.05), ring(eave, up - 0.12, -0.12), ring(eave, up, 0),
+                 ring(mid, rise * 0.34, rise * 0.22), ring(half * 0.70, rise, rise)};
+  Cage cage = ring_cage(roof, f, stack);
+  crease_ring(cage, stack, 1, 10);
+  crease_ring(cage, stack, 2, 10);
+  for (size_t corner = 0; corner < 8; corner += 2) crease_column(cage, stack, corner, 0, 4, 10);
+  m.g.add_cage(std::move(cage));
+  for (int i = 0; i < 8; i += 2) {
+    const Vec3 tip{kAround[i].x * eave, kAround[i].y * eave, z + up},
+        heart{kAround[i].x * half * 0.7, kAround[i].y * half * 0.7, z + rise};
+    beam(m.g, m.style.trim, f, heart, Vec3{kAround[i].x * mid, kAround[i].y * mid, z + rise * 0.34}, 0.2);
+    octahedron(m.g, m.style.lighting.on ? Surface::sign_amber : Surface::awning_red, f.at(tip + Vec3{0, 0, -0.55}),
+               0.22, 0.32);
   }
 }
 
@@ -155,7 +168,8 @@ void build_pagoda(Mason& m) {
   cone(m.g, m.b.roof, f.turned(kTurn / 8), 4, half * 1.1, 0, 0, half * 0.9);
   cone(m.g, Surface::gold, f, 8, 0.2, half * 0.7, 0.06, half * 0.7 + 4);
   for (int ring = 0; ring < 5; ++ring)
-    cone(m.g, Surface::gold, f, 10, 0.5 - 0.06 * ring, half * 0.9 + 0.5 * ring, 0.4 - 0.06 * ring, half * 0.9 + 0.5 * ring + 0.18);
+    cone(m.g, Surface::gold, f, 10, 0.5 - 0.06 * ring, half * 0.9 + 0.5 * ring, 0.4 - 0.06 * ring,
+         half * 0.9 + 0.5 * ring + 0.18);
 }
 
 }  // namespace spillway::tools::city

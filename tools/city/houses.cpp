@@ -29,7 +29,8 @@ void fire_escape(Mason& m, double z0, int floors, double x, double run) {
     const int steps = m.style.level >= 2 ? 8 : 0;
     for (int i = 1; i < steps; ++i) {
       const Vec3 at = from + (to - from) * (static_cast<double>(i) / steps);
-      box(m.g, Surface::metal_dark, f, {at.x - 0.12, at.y - 0.25, at.z}, {at.x + 0.12, at.y + 0.25, at.z + 0.03}, kTop | kFront);
+      box(m.g, Surface::metal_dark, f, {at.x - 0.12, at.y - 0.25, at.z}, {at.x + 0.12, at.y + 0.25, at.z + 0.03},
+          kTop | kFront);
     }
   }
   beam(m.g, Surface::metal_dark, f, {x + run - 0.3, -kOut + 0.1, -1.6}, {x + run - 0.3, -kOut + 0.1, 0.1}, 0.06);
@@ -43,7 +44,8 @@ void chimney(Mason& m, const Frame& f, double x, double y, double z0, double z1)
 
 // A sign that stands out from the front, letters one below the other.
 void blade_sign(Mason& m, double z0, double height_m) {
-  static constexpr Surface kSigns[] = {Surface::sign_pink, Surface::sign_cyan, Surface::sign_amber, Surface::sign_green};
+  static constexpr Surface kSigns[] = {Surface::sign_pink, Surface::sign_cyan, Surface::sign_amber,
+                                       Surface::sign_green};
   const Frame f = m.front_frame(z0);
   const double x = m.random.between(0.4, m.b.width_m() - 0.4);
   const bool lit = m.style.lighting.on && m.random.chance(0.8);
@@ -68,7 +70,8 @@ void bay_window(Mason& m, double z0, int floors, double x0, double x1) {
   for (int side = 0; side < 3; ++side) {
     const Vec2 a = plan[side], along = plan[side + 1] - a;
     const Vec2 world = normalize(f.x_axis * along.x + left_of(f.x_axis) * along.y);
-    punched_facade(m.g, {{f.world({a.x, a.y, 0}), world}, length(along), m.b.floor_m, floors}, style, Random(m.random.next()));
+    punched_facade(m.g, {{f.world({a.x, a.y, 0}), world}, length(along), m.b.floor_m, floors}, style,
+                   Random(m.random.next()));
   }
   const double top = floors * m.b.floor_m;
   for (const double z : {0.0, top}) {

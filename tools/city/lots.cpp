@@ -11,15 +11,24 @@ constexpr double kLeastWidth_m = 5.0, kLeastDepth_m = 6.5;
 
 Interval lot_width_m(District district) {
   switch (district) {
-    case District::downtown: return {24, 46};
-    case District::midtown: return {15, 28};
-    case District::old_town: return {8.5, 15};
-    case District::rowhouses: return {6.2, 8.6};
-    case District::suburb: return {14.5, 21};
-    case District::hillside: return {16, 26};
-    case District::industry: return {36, 68};
-    case District::harbour: return {34, 60};
-    case District::count: break;
+    case District::downtown:
+      return {24, 46};
+    case District::midtown:
+      return {15, 28};
+    case District::old_town:
+      return {8.5, 15};
+    case District::rowhouses:
+      return {6.2, 8.6};
+    case District::suburb:
+      return {14.5, 21};
+    case District::hillside:
+      return {16, 26};
+    case District::industry:
+      return {36, 68};
+    case District::harbour:
+      return {34, 60};
+    case District::count:
+      break;
   }
   return {15, 20};
 }

@@ -1,7 +1,7 @@
 #pragma once
 
-// Blocks cut into lots: one or two rows along the block, each row in slices of the district's width. Every lot has a front
-// on a street.
+// Blocks cut into lots: one or two rows along the block, each row in slices of the district's width. Every lot has a
+// front on a street.
 
 #include <vector>
 

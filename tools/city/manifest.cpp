@@ -15,22 +15,28 @@ std::string manifest_json(const City& city, const CityOptions& options) {
       {"kind", "spillway city"},
       {"seed", options.seed},
       {"buildings", c.buildings},
+      {"buildings_instanced", c.instanced_buildings},
       {"blocks", c.blocks},
       {"lots", c.lots},
       {"floors", c.floors},
       {"street_lights", c.street_lights},
       {"trees", c.trees},
       {"cars", c.cars},
+      {"lanterns", c.lanterns},
+      {"boats", c.boats},
       {"sea_tiles", c.sea_tiles},
       {"radius_m", city.radius_m()},
       {"buildings_by_kind", kinds},
       {"buildings_by_district", districts},
-      {"triangles", {{"unique", c.unique_triangles()},
-                     {"buildings", c.building_triangles},
-                     {"ground", c.ground_triangles},
-                     {"prototypes", c.prototype_triangles},
-                     {"emitting", c.light_triangles},
-                     {"instanced", c.instanced_triangles}}},
+      {"triangles",
+       {{"unique", c.unique_triangles()},
+        {"buildings", c.building_triangles},
+        {"ground", c.ground_triangles},
+        {"prototypes", c.prototype_triangles},
+        {"emitting", c.light_triangles},
+        {"instanced", c.instanced_triangles}}},
+      {"cages", c.cages},
+      {"cage_faces", c.cage_faces},
       {"instances", c.instances},
       {"predicted_store_bytes", city.predicted_store_bytes()},
   };
@@ -39,13 +45,15 @@ std::string manifest_json(const City& city, const CityOptions& options) {
 
 std::string describe(const City& city) {
   const CityCounts& c = city.counts();
-  const double mean = c.buildings == 0 ? 0 : static_cast<double>(c.building_triangles) / static_cast<double>(c.buildings);
+  const uint64_t own = c.buildings - c.instanced_buildings;
+  const double mean = own == 0 ? 0 : static_cast<double>(c.building_triangles) / static_cast<double>(own);
   return fmt::format(
       "{} buildings on {} blocks within {:.1f} km, {:.0f} triangles each; {} street lights, {} trees, {} cars\n"
       "{} unique triangles, {} more by {} instances, {} that emit light\n"
       "as a store: about {:.2f} GiB of geometry\n",
       c.buildings, c.blocks, city.radius_m() / 1000, mean, c.street_lights, c.trees, c.cars, c.unique_triangles(),
-      c.instanced_triangles, c.instances, c.light_triangles, static_cast<double>(city.predicted_store_bytes()) / 0x1p30);
+      c.instanced_triangles, c.instances, c.light_triangles,
+      static_cast<double>(city.predicted_store_bytes()) / 0x1p30);
 }
 
 }  // namespace spillway::tools::city

@@ -6,9 +6,7 @@ namespace spillway::tools::city {
 
 Vec2 Mason::front_axis() const { return normalize(b.footprint[1].at - b.footprint[0].at); }
 
-Frame Mason::front_frame(double at_z) const {
-  return {{b.footprint[0].at.x, b.footprint[0].at.y, at_z}, front_axis()};
-}
+Frame Mason::front_frame(double at_z) const { return {{b.footprint[0].at.x, b.footprint[0].at.y, at_z}, front_axis()}; }
 
 bool Mason::is_party_wall(const Polygon& footprint, size_t edge) const {
   const bool filled = std::any_of(footprint.begin(), footprint.end(), [](const Corner& c) { return c.street > 0; });
@@ -19,13 +17,20 @@ bool Mason::is_party_wall(const Polygon& footprint, size_t edge) const {
 void Mason::facade(const Wall& wall, Facade facade) {
   const Random own(random.next());
   switch (facade) {
-    case Facade::punched: return punched_facade(g, wall, style, own);
-    case Facade::ribbon: return ribbon_facade(g, wall, style, own);
-    case Facade::curtain: return curtain_facade(g, wall, style, own);
-    case Facade::shop: return shop_front(g, wall, style, own);
-    case Facade::house: return house_front(g, wall, style, own);
-    case Facade::garage: return garage_facade(g, wall, style);
-    case Facade::blank: return blank_facade(g, wall, style.wall);
+    case Facade::punched:
+      return punched_facade(g, wall, style, own);
+    case Facade::ribbon:
+      return ribbon_facade(g, wall, style, own);
+    case Facade::curtain:
+      return curtain_facade(g, wall, style, own);
+    case Facade::shop:
+      return shop_front(g, wall, style, own);
+    case Facade::house:
+      return house_front(g, wall, style, own);
+    case Facade::garage:
+      return garage_facade(g, wall, style);
+    case Facade::blank:
+      return blank_facade(g, wall, style.wall);
   }
 }
 
@@ -52,7 +57,8 @@ void Mason::cornice(const Polygon& footprint, double z0, double out_m, double he
     const int brackets = std::max(2, static_cast<int>(w / 1.1));
     for (int k = 0; k <= brackets; ++k) {
       const double x = std::clamp(w * k / brackets, 0.1, w - 0.1);
-      box(g, style.trim, f, {x - 0.1, -out_m * 0.9, -height_m * 0.9}, {x + 0.1, 0, 0}, kFront | kLeft | kRight | kBottom);
+      box(g, style.trim, f, {x - 0.1, -out_m * 0.9, -height_m * 0.9}, {x + 0.1, 0, 0},
+          kFront | kLeft | kRight | kBottom);
     }
   }
 }
@@ -84,12 +90,14 @@ void Mason::spire(Vec2 at, double z0, double height_m) {
   const Frame f{{at.x, at.y, z0}};
   cone(g, Surface::metal_light, f, 6, 0.35, 0, 0.08, height_m);
   for (int i = 1; i < 4; ++i)
-    box(g, Surface::metal_light, f, {-1.2 / i, -0.05, height_m * 0.22 * i}, {1.2 / i, 0.05, height_m * 0.22 * i + 0.1}, kAllFaces);
+    box(g, Surface::metal_light, f, {-1.2 / i, -0.05, height_m * 0.22 * i}, {1.2 / i, 0.05, height_m * 0.22 * i + 0.1},
+        kAllFaces);
   octahedron(g, style.lighting.on ? Surface::beacon : Surface::trim_white, f.at({0, 0, height_m}), 0.3, 0.4);
 }
 
 void Mason::water_tower(Vec2 at, double z0) {
-  const double radius = random.between(1.3, 1.9), legs = random.between(2.2, 4.0), tall = radius * random.between(1.7, 2.2);
+  const double radius = random.between(1.3, 1.9), legs = random.between(2.2, 4.0),
+               tall = radius * random.between(1.7, 2.2);
   const Frame f{{at.x, at.y, z0}, front_axis()};
   const double s = radius * 0.66;
   for (const double x : {-s, s})
@@ -164,12 +172,18 @@ void Mason::clutter(const Polygon& roof, double z0, double amount) {
       if (!contains(inside, at) || random.chance(0.25)) continue;
       ++placed;
       const double what = random.unit();
-      if (what < 0.40) air_conditioner(*this, at, z0);
-      else if (what < 0.60) vent(*this, at, z0);
-      else if (what < 0.72) skylight(*this, at, z0);
-      else if (what < 0.86) duct(*this, at, z0, random.between(1.8, 2.6));
-      else if (what < 0.95) dish(*this, at, z0);
-      else block(style.wall, at, 2.4, 2.8, z0, z0 + 2.5);
+      if (what < 0.40)
+        air_conditioner(*this, at, z0);
+      else if (what < 0.60)
+        vent(*this, at, z0);
+      else if (what < 0.72)
+        skylight(*this, at, z0);
+      else if (what < 0.86)
+        duct(*this, at, z0, random.between(1.8, 2.6));
+      else if (what < 0.95)
+        dish(*this, at, z0);
+      else
+        block(style.wall, at, 2.4, 2.8, z0, z0 + 2.5);
     }
 }
 

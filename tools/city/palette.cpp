@@ -12,8 +12,8 @@ enum class Finish : uint8_t { matte, gloss, mirror, leaf };
 struct Row {
   std::string_view name;
   Finish finish;
-  Rgb colour;       // reflectance
-  float roughness;  // gloss, mirror
+  Rgb colour;             // reflectance
+  float roughness;        // gloss, mirror
   Rgb emission{0, 0, 0};  // at night
 };
 
@@ -66,16 +66,17 @@ constexpr std::array kRows = {
     Row{"glass_green", mirror, {0.22f, 0.34f, 0.30f}, 0.01f},
     Row{"glass_bronze", mirror, {0.36f, 0.27f, 0.18f}, 0.01f},
     Row{"glass_silver", mirror, {0.46f, 0.48f, 0.50f}, 0.01f},
-    Row{"lit_warm", matte, {0.05f, 0.05f, 0.05f}, 0, {3.4f, 2.1f, 0.95f}},
-    Row{"lit_amber", matte, {0.05f, 0.05f, 0.05f}, 0, {2.0f, 0.95f, 0.30f}},
-    Row{"lit_neutral", matte, {0.05f, 0.05f, 0.05f}, 0, {2.7f, 2.3f, 1.75f}},
-    Row{"lit_cool", matte, {0.05f, 0.05f, 0.05f}, 0, {1.5f, 1.95f, 2.3f}},
-    Row{"sign_pink", matte, {0.05f, 0.05f, 0.05f}, 0, {9.0f, 0.9f, 3.6f}},
-    Row{"sign_cyan", matte, {0.05f, 0.05f, 0.05f}, 0, {0.6f, 5.5f, 7.5f}},
-    Row{"sign_amber", matte, {0.05f, 0.05f, 0.05f}, 0, {9.0f, 4.2f, 0.6f}},
-    Row{"sign_green", matte, {0.05f, 0.05f, 0.05f}, 0, {1.0f, 6.0f, 2.2f}},
+    Row{"lit_warm", matte, {0.05f, 0.05f, 0.05f}, 0, {1.55f, 0.88f, 0.36f}},
+    Row{"lit_amber", matte, {0.05f, 0.05f, 0.05f}, 0, {1.05f, 0.46f, 0.13f}},
+    Row{"lit_neutral", matte, {0.05f, 0.05f, 0.05f}, 0, {1.25f, 1.02f, 0.72f}},
+    Row{"lit_cool", matte, {0.05f, 0.05f, 0.05f}, 0, {0.75f, 0.95f, 1.12f}},
+    Row{"sign_pink", matte, {0.05f, 0.05f, 0.05f}, 0, {4.2f, 0.35f, 1.7f}},
+    Row{"sign_cyan", matte, {0.05f, 0.05f, 0.05f}, 0, {0.25f, 2.6f, 3.6f}},
+    Row{"sign_amber", matte, {0.05f, 0.05f, 0.05f}, 0, {4.2f, 1.8f, 0.25f}},
+    Row{"sign_green", matte, {0.05f, 0.05f, 0.05f}, 0, {0.4f, 2.8f, 1.0f}},
     Row{"beacon", matte, {0.4f, 0.03f, 0.02f}, 0, {60.0f, 3.0f, 1.5f}},
-    Row{"lamp_head", matte, {0.7f, 0.68f, 0.6f}, 0, {150.0f, 98.0f, 46.0f}},
+    Row{"lantern", matte, {0.55f, 0.06f, 0.03f}, 0, {1.5f, 0.26f, 0.06f}},
+    Row{"lamp_head", matte, {0.7f, 0.68f, 0.6f}, 0, {900.0f, 580.0f, 260.0f}},
     Row{"asphalt", matte, {0.075f, 0.075f, 0.08f}, 0},
     Row{"marking_white", matte, {0.60f, 0.60f, 0.58f}, 0},
     Row{"marking_yellow", matte, {0.58f, 0.40f, 0.08f}, 0},
@@ -124,8 +125,12 @@ pipeline::Material material_of(Surface surface) {
   material.reflectance.constant = row.colour;
   material.u_roughness = material.v_roughness = rough(row.roughness);
   switch (row.finish) {
-    case matte: material.kind = pipeline::MaterialKind::diffuse; break;
-    case gloss: material.kind = pipeline::MaterialKind::coated_diffuse; break;
+    case matte:
+      material.kind = pipeline::MaterialKind::diffuse;
+      break;
+    case gloss:
+      material.kind = pipeline::MaterialKind::coated_diffuse;
+      break;
     case mirror:
       material.kind = pipeline::MaterialKind::conductor;
       material.uses_reflectance = 1;

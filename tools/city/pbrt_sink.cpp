@@ -1,7 +1,12 @@
 #include "tools/city/pbrt_sink.h"
 
+#include <fcntl.h>
+#include <unistd.h>
+
 #include <algorithm>
+#include <cerrno>
 #include <cmath>
+#include <cstdio>
 #include <cstring>
 
 namespace spillway::tools::city {
@@ -22,21 +27,27 @@ std::string roughness(const pipeline::Material& m) {
 // Of the kinds that the palette has.
 std::string parameters(const pipeline::Material& m) {
   switch (m.kind) {
-    case MaterialKind::conductor: return " \"string type\" \"conductor\"" + rgb("reflectance", m.reflectance.constant) + roughness(m);
+    case MaterialKind::conductor:
+      return " \"string type\" \"conductor\"" + rgb("reflectance", m.reflectance.constant) + roughness(m);
     case MaterialKind::coated_diffuse:
-      return " \"string type\" \"coateddiffuse\"" + rgb("reflectance", m.reflectance.constant) + roughness(m) + number("eta", m.eta);
+      return " \"string type\" \"coateddiffuse\"" + rgb("reflectance", m.reflectance.constant) + roughness(m) +
+             number("eta", m.eta);
     case MaterialKind::diffuse_transmission:
       return " \"string type\" \"diffusetransmission\"" + rgb("reflectance", m.reflectance.constant) +
              rgb("transmittance", m.transmittance.constant);
-    default: return " \"string type\" \"diffuse\"" + rgb("reflectance", m.reflectance.constant);
+    default:
+      return " \"string type\" \"diffuse\"" + rgb("reflectance", m.reflectance.constant);
   }
 }
+
+void close_descriptor(int descriptor) { close(descriptor); }
 
 // pbrt takes a matrix column by column.
 std::string columns(const Affine3& a) {
   std::string text;
   for (int column = 0; column < 4; ++column)
-    for (int row = 0; row < 4; ++row) text += fmt::format("{} ", row < 3 ? a.m[row][column] : column == 3 ? 1.0f : 0.0f);
+    for (int row = 0; row < 4; ++row)
+      text += fmt::format("{} ", row < 3 ? a.m[row][column] : column == 3 ? 1.0f : 0.0f);
   return text;
 }
 
@@ -51,7 +62,8 @@ std::string ply_header(const pipeline::MeshInput& mesh) {
   text += "property float x\nproperty float y\nproperty float z\n";
   if (!mesh.normals.empty()) text += "property float nx\nproperty float ny\nproperty float nz\n";
   if (!mesh.uvs.empty()) text += "property float u\nproperty float v\n";
-  return text + fmt::format("element face {}\nproperty list uchar int vertex_indices\nend_header\n", mesh.indices.size() / 3);
+  return text +
+         fmt::format("element face {}\nproperty list uchar int vertex_indices\nend_header\n", mesh.indices.size() / 3);
 }
 
 std::vector<std::byte> ply_bytes(const pipeline::MeshInput& mesh) {
@@ -73,17 +85,20 @@ std::vector<std::byte> ply_bytes(const pipeline::MeshInput& mesh) {
 
 std::string settings_text(const pipeline::SceneSettings& s) {
   const Affine3& w = s.camera.world_from_camera;
-  const Float3 x{w.m[0][0], w.m[1][0], w.m[2][0]}, y{w.m[0][1], w.m[1][1], w.m[2][1]}, z{w.m[0][2], w.m[1][2], w.m[2][2]};
+  const Float3 x{w.m[0][0], w.m[1][0], w.m[2][0]}, y{w.m[0][1], w.m[1][1], w.m[2][1]},
+      z{w.m[0][2], w.m[1][2], w.m[2][2]};
   std::string text = dot(cross(x, y), z) < 0 ? "Scale -1 1 1\nLookAt " : "LookAt ";
   for (int row = 0; row < 3; ++row) text += fmt::format("{} ", w.m[row][3]);
   text += " ";
-  for (int row = 0; row < 3; ++row) text += fmt::format("{} ", static_cast<double>(w.m[row][3]) + 100 * static_cast<double>(w.m[row][2]));
+  for (int row = 0; row < 3; ++row)
+    text += fmt::format("{} ", static_cast<double>(w.m[row][3]) + 100 * static_cast<double>(w.m[row][2]));
   text += " ";
   for (int row = 0; row < 3; ++row) text += fmt::format("{} ", w.m[row][1]);
   const double tangent = std::min(s.camera.tan_half_fov_x, s.camera.tan_half_fov_y);
   text += fmt::format("\nCamera \"perspective\" \"float fov\" [ {} ]\n", std::atan(tangent) * 360 / M_PI);
-  text += fmt::format("Film \"rgb\" \"integer xresolution\" [ {} ] \"integer yresolution\" [ {} ] \"string filename\" \"city.exr\"\n",
-                      s.camera.resolution_x_px, s.camera.resolution_y_px);
+  text += fmt::format(
+      "Film \"rgb\" \"integer xresolution\" [ {} ] \"integer yresolution\" [ {} ] \"string filename\" \"city.exr\"\n",
+      s.camera.resolution_x_px, s.camera.resolution_y_px);
   text += fmt::format("Sampler \"sobol\" \"integer pixelsamples\" [ {} ]\n", s.render.samples_per_pixel);
   return text + fmt::format("Integrator \"path\" \"integer maxdepth\" [ {} ]\n", s.render.max_depth);
 }
@@ -98,7 +113,8 @@ Result<std::unique_ptr<PbrtSink>> PbrtSink::create(const fs::path& folder, const
   fs::remove(folder / (main_name + ".pbrt"), code);
   std::unique_ptr<PbrtSink> sink(new PbrtSink());
   sink->folder_ = folder, sink->main_name_ = main_name;
-  for (const auto& [text, name] : {std::pair{&sink->geometry_, "geometry.pbrt"}, {&sink->instances_, "instances.pbrt"}}) {
+  for (const auto& [text, name] :
+       {std::pair{&sink->geometry_, "geometry.pbrt"}, {&sink->instances_, "instances.pbrt"}}) {
     SPILLWAY_ASSIGN(cache::WriteFile file, cache::WriteFile::create(folder / name, cache::IoPurpose::scene));
     text->file = std::make_unique<cache::WriteFile>(std::move(file));
   }
@@ -153,8 +169,8 @@ Result<MaterialId> PbrtSink::add_material(const pipeline::Material& material, st
 Status PbrtSink::add_light(const shading::Light& light) {
   if (light.kind != shading::LightKind::distant) return error("only distant lights are written as pbrt text");
   const Float3 from = light.edge1 * -1.0f;
-  lights_ += fmt::format("LightSource \"distant\"{} \"point3 from\" [ {} {} {} ] \"point3 to\" [ 0 0 0 ]\n", rgb("L", light.radiance),
-                         from.x, from.y, from.z);
+  lights_ += fmt::format("LightSource \"distant\"{} \"point3 from\" [ {} {} {} ] \"point3 to\" [ 0 0 0 ]\n",
+                         rgb("L", light.radiance), from.x, from.y, from.z);
   return {};
 }
 
@@ -169,20 +185,55 @@ uint32_t PbrtSink::begin_object(std::string name) {
 }
 
 Status PbrtSink::write_ply(const std::string& name, const pipeline::MeshInput& mesh) {
-  SPILLWAY_ASSIGN(cache::WriteFile file, cache::WriteFile::create(folder_ / name, cache::IoPurpose::scene));
   const std::vector<std::byte> bytes = ply_bytes(mesh);
-  SPILLWAY_TRY(file.append(bytes));
+  const std::string path = (folder_ / name).string();
+  std::FILE* file = std::fopen(path.c_str(), "wb");
+  if (file == nullptr) return error("{}: cannot be written: {}", path, std::strerror(errno));
+  const bool written = std::fwrite(bytes.data(), 1, bytes.size(), file) == bytes.size();
+  const int problem = errno;
+  const bool closed = std::fclose(file) == 0;
+  if (!written || !closed) return error("{}: cannot be written: {}", path, std::strerror(written ? errno : problem));
   written_bytes_ += bytes.size();
-  return file.commit();
+  return {};
+}
+
+// Tens of thousands of files are synced at once, before the main file makes a scene of them.
+Status PbrtSink::sync_folder() const {
+  const int folder = open(folder_.c_str(), O_RDONLY | O_DIRECTORY);
+  const bool synced = folder >= 0 && syncfs(folder) == 0;
+  const int problem = errno;
+  if (folder >= 0) close_descriptor(folder);
+  if (!synced) return error("{}: cannot be synced: {}", folder_.string(), std::strerror(problem));
+  return {};
 }
 
 Status PbrtSink::add_mesh(const pipeline::MeshInput& mesh) {
   const std::string name = "geometry/" + mesh.name + ".ply";
   const Status written = write_ply(name, mesh);
   if (!written) return with_progress(written.error());
-  std::string text = fmt::format("NamedMaterial \"{}\"\nShape \"plymesh\" \"string filename\" \"{}\"\n",
-                                 material_names_[mesh.material.value], name);
-  if (mesh.emits) text = fmt::format("AttributeBegin\nAreaLightSource \"diffuse\"{}\n{}AttributeEnd\n", rgb("L", mesh.emission), text);
+  return add_shape(mesh, fmt::format("Shape \"plymesh\" \"string filename\" \"{}\"\n", name));
+}
+
+Status PbrtSink::add_subdivision(const pipeline::SubdivisionInput& s) {
+  std::string text = "Shape \"subdivmesh\" \"point3 P\" [";
+  for (const Float3 p : s.cage.positions) text += fmt::format(" {} {} {}", p.x, p.y, p.z);
+  text += fmt::format(" ]\n  \"integer indices\" [ {} ]", fmt::join(s.cage.indices, " "));
+  if (!s.sharp_edges.empty()) {
+    text += "\n  \"integer creaseindices\" [";
+    for (const pipeline::SharpEdge& e : s.sharp_edges) text += fmt::format(" {} {}", e.vertices[0], e.vertices[1]);
+    text += " ] \"float creasesharpness\" [";
+    for (const pipeline::SharpEdge& e : s.sharp_edges) text += fmt::format(" {}", e.sharpness);
+    text += " ]";
+  }
+  if (!s.holes.empty()) text += fmt::format("\n  \"integer holeindices\" [ {} ]", fmt::join(s.holes, " "));
+  return add_shape(s.cage, text + "\n");
+}
+
+Status PbrtSink::add_shape(const pipeline::MeshInput& mesh, const std::string& shape) {
+  std::string text = fmt::format("NamedMaterial \"{}\"\n{}", material_names_[mesh.material.value], shape);
+  if (mesh.emits)
+    text =
+        fmt::format("AttributeBegin\nAreaLightSource \"diffuse\"{}\n{}AttributeEnd\n", rgb("L", mesh.emission), text);
   if (mesh.object == 0) return append(geometry_, text);
   objects_[mesh.object - 1].text += text;
   return {};
@@ -197,13 +248,24 @@ Status PbrtSink::finish() {
   SPILLWAY_TRY(close(geometry_));
   SPILLWAY_TRY(close(instances_));
   std::string objects;
-  for (const Object& object : objects_) objects += fmt::format("ObjectBegin \"{}\"\n{}ObjectEnd\n", object.name, object.text);
+  for (const Object& object : objects_)
+    objects += fmt::format("ObjectBegin \"{}\"\n{}ObjectEnd\n", object.name, object.text);
   SPILLWAY_TRY(write_whole("objects.pbrt", objects));
   SPILLWAY_TRY(write_whole("materials.pbrt", materials_));
-  std::string main = settings_text(settings_) + "\nWorldBegin\n" + lights_ + "Include \"materials.pbrt\"\n";
+  SPILLWAY_TRY(sync_folder());
+  for (size_t i = 0; i < cameras_.size(); ++i) {
+    pipeline::SceneSettings settings = settings_;
+    settings.camera = cameras_[i];
+    SPILLWAY_TRY(write_main(fmt::format("{}.{:04}.pbrt", main_name_, first_frame_ + i), settings));
+  }
+  return write_main(main_name_ + ".pbrt", settings_);
+}
+
+Status PbrtSink::write_main(const std::string& name, const pipeline::SceneSettings& settings) {
+  std::string main = settings_text(settings) + "\nWorldBegin\n" + lights_ + "Include \"materials.pbrt\"\n";
   if (!objects_.empty()) main += "Include \"objects.pbrt\"\n";
   main += "Include \"geometry.pbrt\"\nInclude \"instances.pbrt\"\n";
-  return write_whole(main_name_ + ".pbrt", main);
+  return write_whole(name, main);
 }
 
 }  // namespace spillway::tools::city

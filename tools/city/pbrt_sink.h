@@ -1,8 +1,9 @@
 #pragma once
 
-// A scene sink that writes pbrt-v4's text and binary PLY files, without any extension.
+// A scene sink that writes pbrt-v4's text and binary PLY files, without any extension but cages.
 //
-// Owns: the folder's files: materials.pbrt, objects.pbrt, geometry.pbrt, instances.pbrt, geometry/*.ply, and the main file,
+// Owns: the folder's files: materials.pbrt, objects.pbrt, geometry.pbrt, instances.pbrt, geometry/*.ply, and the main
+// file,
 //       which is written last, so that a scene that is half there does not look whole.
 // Memory: one mesh's bytes; the text of the objects.
 // Threads: one caller.
@@ -30,8 +31,13 @@ class PbrtSink final : public pipeline::SceneSink {
   Status add_environment(const shading::Light& light, ImageId image) override;
   uint32_t begin_object(std::string name) override;
   Status add_mesh(const pipeline::MeshInput& mesh) override;
+  Status add_subdivision(const pipeline::SubdivisionInput& subdivision) override;
   Status add_instance(uint32_t object, const Affine3& world_from_object) override;
   void set_settings(const pipeline::SceneSettings& settings) override { settings_ = settings; }
+  // A main file a frame: city.0007.pbrt; city.pbrt is the first.
+  void set_camera_path(uint32_t first_frame, std::span<const shading::Camera> cameras) override {
+    first_frame_ = first_frame, cameras_.assign(cameras.begin(), cameras.end());
+  }
   Status finish() override;
 
   [[nodiscard]] uint64_t written_bytes() const { return written_bytes_; }
@@ -49,8 +55,11 @@ class PbrtSink final : public pipeline::SceneSink {
   PbrtSink() = default;
   Status append(Text& text, const std::string& line);
   Status close(Text& text);
+  Status add_shape(const pipeline::MeshInput& mesh, const std::string& shape);
+  Status write_main(const std::string& name, const pipeline::SceneSettings& settings);
   Status write_whole(const std::string& name, const std::string& text);
   Status write_ply(const std::string& name, const pipeline::MeshInput& mesh);
+  [[nodiscard]] Status sync_folder() const;
   [[nodiscard]] Error with_progress(const Error& problem) const;
 
   std::filesystem::path folder_;
@@ -59,6 +68,8 @@ class PbrtSink final : public pipeline::SceneSink {
   std::vector<Object> objects_;
   Text geometry_, instances_;
   pipeline::SceneSettings settings_;
+  uint32_t first_frame_ = 1;
+  std::vector<shading::Camera> cameras_;
   uint64_t written_bytes_ = 0;
 };
 

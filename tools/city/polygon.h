@@ -53,14 +53,17 @@ template <class Distance>
 [[nodiscard]] Polygon chamfered(const Polygon& polygon, double size);
 
 [[nodiscard]] bool contains(const Polygon& polygon, Vec2 point);
-// Whether the insides meet: no edge of either separates them (separating axes; exact for convex polygons up to rounding).
+// Whether the insides meet: no edge of either separates them (separating axes; exact for convex polygons up to
+// rounding).
 [[nodiscard]] bool intersect(const Polygon& a, const Polygon& b);
 [[nodiscard]] double distance_to_boundary(const Polygon& polygon, Vec2 point);
 // Smallest distance between the boundaries of two polygons that do not intersect.
 [[nodiscard]] double distance_between(const Polygon& a, const Polygon& b);
 [[nodiscard]] size_t longest_edge(const Polygon& polygon);
 
-inline const Corner& next_corner(const Polygon& polygon, size_t i) { return polygon[i + 1 == polygon.size() ? 0 : i + 1]; }
+inline const Corner& next_corner(const Polygon& polygon, size_t i) {
+  return polygon[i + 1 == polygon.size() ? 0 : i + 1];
+}
 
 template <class Distance>
 Polygon inset(const Polygon& polygon, const Distance& distance) {

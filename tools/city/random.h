@@ -1,6 +1,7 @@
 #pragma once
 
-// Keyed random numbers: what stands at a place depends on the seed and the place's key alone, never on what was made before.
+// Keyed random numbers: what stands at a place depends on the seed and the place's key alone, never on what was made
+// before.
 
 #include <cmath>
 #include <cstdint>

@@ -17,9 +17,12 @@ void band(Geometry& g, Surface surface, const Frame& frame, int sides, double r0
   for (int i = 0; i < sides; ++i) {
     const Float3 a = frame.point(on_circle(i, sides, r0, z0)), b = frame.point(on_circle(i + 1, sides, r0, z0));
     const Float3 c = frame.point(on_circle(i + 1, sides, r1, z1)), d = frame.point(on_circle(i, sides, r1, z1));
-    if (r0 <= 0) g.triangle(surface, a, c, d);
-    else if (r1 <= 0) g.triangle(surface, a, b, c);
-    else g.quad(surface, a, b, c, d);
+    if (r0 <= 0)
+      g.triangle(surface, a, c, d);
+    else if (r1 <= 0)
+      g.triangle(surface, a, b, c);
+    else
+      g.quad(surface, a, b, c, d);
   }
 }
 
@@ -61,14 +64,6 @@ void disk(Geometry& g, Surface surface, const Frame& frame, int sides, double ra
                frame.point(on_circle(i + 1, sides, radius, z)));
 }
 
-void dome(Geometry& g, Surface surface, const Frame& frame, int sides, int rings, double radius, double z, double height) {
-  for (int i = 0; i < rings; ++i) {
-    const double a0 = kTurn / 4 * i / rings, a1 = kTurn / 4 * (i + 1) / rings;
-    const double r1 = i + 1 == rings ? 0 : radius * std::cos(a1);
-    band(g, surface, frame, sides, radius * std::cos(a0), z + height * std::sin(a0), r1, z + height * std::sin(a1));
-  }
-}
-
 void octahedron(Geometry& g, Surface surface, const Frame& frame, double radius, double half_height) {
   band(g, surface, frame, 4, 0, -half_height, radius, 0);
   band(g, surface, frame, 4, radius, 0, 0, half_height);
@@ -92,10 +87,12 @@ void gable_roof(Geometry& g, Surface roof, Surface wall, const Frame& frame, dou
   g.quad(roof, frame, {x0, y0, z - drop}, {x1, y0, z - drop}, ridge1, ridge0);
   g.quad(roof, frame, {x1, y1, z - drop}, {x0, y1, z - drop}, ridge0, ridge1);
   g.triangle(wall, frame.point({0, depth, z}), frame.point({0, 0, z}), frame.point({0, depth / 2, z + rise}));
-  g.triangle(wall, frame.point({width, 0, z}), frame.point({width, depth, z}), frame.point({width, depth / 2, z + rise}));
+  g.triangle(wall, frame.point({width, 0, z}), frame.point({width, depth, z}),
+             frame.point({width, depth / 2, z + rise}));
 }
 
-void hip_roof(Geometry& g, Surface roof, const Frame& frame, double width, double depth, double z, double rise, double eaves) {
+void hip_roof(Geometry& g, Surface roof, const Frame& frame, double width, double depth, double z, double rise,
+              double eaves) {
   const double x0 = -eaves, x1 = width + eaves, y0 = -eaves, y1 = depth + eaves;
   const double run = std::min(width, depth) / 2;  // of the sloping ends
   const bool along_x = width >= depth;

@@ -17,15 +17,24 @@ struct GridSize {
 
 GridSize grid_of(District district) {
   switch (district) {
-    case District::downtown: return {84, 118, 7.5};
-    case District::midtown: return {80, 150, kStreet_m};
-    case District::old_town: return {58, 92, kLane_m};
-    case District::rowhouses: return {64, 160, 5.2};
-    case District::suburb: return {84, 190, kLane_m};
-    case District::hillside: return {92, 170, kLane_m};
-    case District::industry: return {120, 200, kStreet_m};
-    case District::harbour: return {110, 170, kStreet_m};
-    case District::count: break;
+    case District::downtown:
+      return {84, 118, 7.5};
+    case District::midtown:
+      return {80, 150, kStreet_m};
+    case District::old_town:
+      return {58, 92, kLane_m};
+    case District::rowhouses:
+      return {64, 160, 5.2};
+    case District::suburb:
+      return {84, 190, kLane_m};
+    case District::hillside:
+      return {92, 170, kLane_m};
+    case District::industry:
+      return {120, 200, kStreet_m};
+    case District::harbour:
+      return {110, 170, kStreet_m};
+    case District::count:
+      break;
   }
   return {80, 150, kStreet_m};
 }
@@ -175,7 +184,8 @@ class Planner {
     if (block.kerb.empty() || area(block.kerb) < kLeastBlock_m2) return BlockUse::plaza;
     const Vec2 at = centroid(block.cell) * (1 / options_.radius_m);
     const Vec2 from_park = at - Vec2{-0.13, 0.27};
-    if (std::fabs(from_park.x) < 0.13 && std::fabs(from_park.y) < 0.06 && options_.radius_m > 700) return BlockUse::park;
+    if (std::fabs(from_park.x) < 0.13 && std::fabs(from_park.y) < 0.06 && options_.radius_m > 700)
+      return BlockUse::park;
     Random random(key_of(block.key, 5));
     if (random.chance(0.028)) return BlockUse::park;
     if (block.district == District::downtown && random.chance(0.04)) return BlockUse::plaza;
@@ -191,15 +201,24 @@ class Planner {
 
 const char* name(District district) {
   switch (district) {
-    case District::downtown: return "downtown";
-    case District::midtown: return "midtown";
-    case District::old_town: return "old_town";
-    case District::rowhouses: return "rowhouses";
-    case District::suburb: return "suburb";
-    case District::hillside: return "hillside";
-    case District::industry: return "industry";
-    case District::harbour: return "harbour";
-    case District::count: break;
+    case District::downtown:
+      return "downtown";
+    case District::midtown:
+      return "midtown";
+    case District::old_town:
+      return "old_town";
+    case District::rowhouses:
+      return "rowhouses";
+    case District::suburb:
+      return "suburb";
+    case District::hillside:
+      return "hillside";
+    case District::industry:
+      return "industry";
+    case District::harbour:
+      return "harbour";
+    case District::count:
+      break;
   }
   return "?";
 }

@@ -1,7 +1,8 @@
 #pragma once
 
-// The streets: arterials cut the land into quarters, each quarter has a grid of its own, turned as one of its arterials,
-// with through streets, missing pieces, and whatever shape is left at its border. A diagonal avenue crosses downtown.
+// The streets: arterials cut the land into quarters, each quarter has a grid of its own, turned as one of its
+// arterials, with through streets, missing pieces, and whatever shape is left at its border. A diagonal avenue crosses
+// downtown.
 //
 // A block's cell reaches to the middle of the streets around it, so that cells cover the land without gap or overlap.
 
@@ -20,12 +21,12 @@ enum class BlockUse : uint8_t { built, park, plaza };
 
 struct Block {
   uint64_t key = 0;
-  Polygon cell;     // to the middle of the streets
-  Polygon kerb;     // where the pavement begins; inside of the cell, corners cut. Empty: no pavement
+  Polygon cell;  // to the middle of the streets
+  Polygon kerb;  // where the pavement begins; inside of the cell, corners cut. Empty: no pavement
   District district = District::suburb;
   BlockUse use = BlockUse::built;
-  Vec2 grid_axis{1, 0};     // along the quarter's streets
-  double remoteness = 0;    // what is nearest to the centre is built first
+  Vec2 grid_axis{1, 0};   // along the quarter's streets
+  double remoteness = 0;  // what is nearest to the centre is built first
 };
 
 inline constexpr double kPavement_m = 3.0;  // from the kerb to the lots

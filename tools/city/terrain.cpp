@@ -7,9 +7,9 @@
 namespace spillway::tools::city {
 namespace {
 
-constexpr double kQuay_m = 3.5;      // streets lie at least so high above the sea
+constexpr double kQuay_m = 3.5;  // streets lie at least so high above the sea
 constexpr double kSeabed_m = -14;
-constexpr double kSteepest = 0.12;   // rise of a hill in parts of its width: streets of at most 8 %
+constexpr double kSteepest = 0.12;  // rise of a hill in parts of its width: streets of at most 8 %
 
 double lattice(uint64_t key, int64_t x, int64_t y) {
   return 2 * Random(key_of(key_of(key, static_cast<uint64_t>(x)), static_cast<uint64_t>(y))).unit() - 1;
@@ -36,7 +36,8 @@ double value_noise(uint64_t key, Vec2 at) {
 Terrain::Terrain(const TerrainOptions& options) : options_(options) {
   Random random(key_of(options.seed, 0x7e44a1));
   const double r = options.radius_m;
-  if (options.bay) islands_ = {{{0.97 * r, -1.30 * r}, 0.13 * r, 0.09 * r + 20}, {{-1.4 * r, -1.3 * r}, 0.2 * r, 0.12 * r + 20}};
+  if (options.bay)
+    islands_ = {{{0.97 * r, -1.30 * r}, 0.13 * r, 0.09 * r + 20}, {{-1.4 * r, -1.3 * r}, 0.2 * r, 0.12 * r + 20}};
   if (!options.hills) return;
   for (int i = 0; i < 9; ++i) {
     const double width = r * random.between(0.10, 0.19);
@@ -73,7 +74,8 @@ double Terrain::height(Vec2 at) const {
     double rise = 0, peaks = 0;
     for (const Hill& hill : hills_) rise += hill.rise * bump(at - hill.at, hill.width);
     for (const Hill& hill : mountains_) peaks += hill.rise * bump(at - hill.at, hill.width);
-    const double rough = value_noise(options_.seed + 1, at * (5 / r)) + 0.5 * value_noise(options_.seed + 2, at * (11 / r)) +
+    const double rough = value_noise(options_.seed + 1, at * (5 / r)) +
+                         0.5 * value_noise(options_.seed + 2, at * (11 / r)) +
                          0.25 * value_noise(options_.seed + 3, at * (23 / r));
     peaks *= (1 + 0.35 * rough) * smoothstep(0.95 * r, 1.6 * r, far);
     ground += rise * (1 - 0.95 * bump(at, 0.2 * r)) + peaks;

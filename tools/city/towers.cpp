@@ -26,10 +26,11 @@ void plant_room(Mason& m, const Polygon& roof, double z) {
   const double h = m.random.between(3, 6);
   prism_sides(m.g, m.b.wall, room, z, z + h);
   cap(m.g, m.b.roof, room, z + h);
-  for (int i = 0; i < 5; ++i)
-    m.cornice(room, z + h * (0.25 + 0.13 * i), 0.1, 0.25, true);  // louvres
-  if (m.random.chance(0.45)) m.spire(centroid(room), z + h, m.random.between(8, 26));
-  else m.clutter(room, z + h, 0.6);
+  for (int i = 0; i < 5; ++i) m.cornice(room, z + h * (0.25 + 0.13 * i), 0.1, 0.25, true);  // louvres
+  if (m.random.chance(0.45))
+    m.spire(centroid(room), z + h, m.random.between(8, 26));
+  else
+    m.clutter(room, z + h, 0.6);
 }
 
 }  // namespace
@@ -49,8 +50,10 @@ void build_glass_tower(Mason& m) {
     floors -= count;
     const bool is_top = tier + 1 == tiers;
     m.flat_roof(shaft, z, is_top ? 1.8 : 0.9, is_top ? 0 : 0.4);
-    if (is_top) plant_room(m, shaft, z);
-    else shaft = shaft_of(m, shaft, m.random.between(2.5, 5));
+    if (is_top)
+      plant_room(m, shaft, z);
+    else
+      shaft = shaft_of(m, shaft, m.random.between(2.5, 5));
   }
 }
 

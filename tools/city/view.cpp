@@ -17,13 +17,15 @@ View street_view(const std::vector<Block>& blocks, const Terrain& terrain) {
   size_t best_edge = 0;
   double best_score = -1e30;
   for (const Block& block : blocks) {
-    if (block.use != BlockUse::built || (block.district != District::midtown && block.district != District::old_town)) continue;
+    if (block.use != BlockUse::built || (block.district != District::midtown && block.district != District::old_town))
+      continue;
     for (size_t i = 0; i < block.cell.size(); ++i) {
       const Vec2 a = block.cell[i].at, edge = next_corner(block.cell, i).at - a;
       if (block.cell[i].street > 8 || block.cell[i].street < 4) continue;
       // Long, near downtown, and looking towards it.
       const double score = std::min(length(edge), 180.0) / 180 - 2.5 * std::fabs(length(a) / r - 0.25) +
-                           1.4 * dot(normalize(edge), normalize(a * -1));
+                           1.4 * dot(normalize(edge), normalize(a * -1)) +
+                           (block.district == District::old_town ? 0.5 : 0.0);
       if (score > best_score) best_score = score, best = &block, best_edge = i;
     }
   }
@@ -31,13 +33,14 @@ View street_view(const std::vector<Block>& blocks, const Terrain& terrain) {
   if (best == nullptr) return {{0, -60, terrain.height({0, -60}) + 1.7}, {0, 0, terrain.height({0, 0}) + 6}, 50};
   const Vec2 a = best->cell[best_edge].at, along = normalize(next_corner(best->cell, best_edge).at - a);
   const double street = best->cell[best_edge].street;
-  const Vec2 eye = a + along * 6 + left_of(along) * (street * 0.12), target = a + along * 90 - left_of(along) * (street * 0.1);
+  const Vec2 eye = a + along * 6 + left_of(along) * (street * 0.12),
+             target = a + along * 90 - left_of(along) * (street * 0.1);
   return {{eye.x, eye.y, terrain.height(eye) + 1.75}, {target.x, target.y, terrain.height(eye) + 9.5}, 48};
 }
 
 View aerial_view(const Terrain& terrain) {
   const double r = std::max(terrain.radius_m(), 250.0);
-  return {{-0.50 * r, -0.84 * r, 0.20 * r}, {0.06 * r, -0.02 * r, 0.015 * r}, 38};
+  return {{-0.50 * r, -0.84 * r, 0.20 * r}, {0.12 * r, -0.03 * r, 0.015 * r}, 38};
 }
 
 // From over the bay past downtown's towers to the hills.
@@ -52,9 +55,12 @@ Rgb mix(Rgb a, Rgb b, float t) { return {mix(a.r, b.r, t), mix(a.g, b.g, t), mix
 
 Float3 towards_sun(TimeOfDay time) {
   switch (time) {
-    case TimeOfDay::day: return spillway::normalize({-0.62f, -0.48f, 0.62f});
-    case TimeOfDay::dusk: return spillway::normalize({-0.93f, 0.36f, 0.055f});
-    case TimeOfDay::night: break;
+    case TimeOfDay::day:
+      return spillway::normalize({-0.62f, -0.48f, 0.62f});
+    case TimeOfDay::dusk:
+      return spillway::normalize({-0.93f, 0.36f, 0.055f});
+    case TimeOfDay::night:
+      break;
   }
   return spillway::normalize({0.5f, -0.45f, 0.74f});  // the moon
 }
@@ -65,20 +71,26 @@ struct SkyColours {
 };
 SkyColours sky_colours(TimeOfDay time) {
   switch (time) {
-    case TimeOfDay::day: return {{0.80f, 0.92f, 1.06f}, {0.17f, 0.32f, 0.66f}, {0.9f, 0.75f, 0.55f}, 12};
-    case TimeOfDay::dusk: return {{0.36f, 0.22f, 0.24f}, {0.035f, 0.06f, 0.16f}, {1.5f, 0.62f, 0.16f}, 5};
-    case TimeOfDay::night: break;
+    case TimeOfDay::day:
+      return {{1.15f, 1.25f, 1.38f}, {0.27f, 0.47f, 0.92f}, {1.0f, 0.85f, 0.62f}, 12};
+    case TimeOfDay::dusk:
+      return {{0.36f, 0.22f, 0.24f}, {0.035f, 0.06f, 0.16f}, {1.5f, 0.62f, 0.16f}, 5};
+    case TimeOfDay::night:
+      break;
   }
-  return {{0.030f, 0.030f, 0.042f}, {0.004f, 0.006f, 0.016f}, {0.01f, 0.012f, 0.016f}, 30};
+  return {{0.046f, 0.050f, 0.082f}, {0.009f, 0.013f, 0.036f}, {0.02f, 0.024f, 0.03f}, 30};
 }
 
 }  // namespace
 
 View view_of(CameraKind kind, double part, const std::vector<Block>& blocks, const Terrain& terrain) {
   switch (kind) {
-    case CameraKind::street: return street_view(blocks, terrain);
-    case CameraKind::flight: return flight_view(part, terrain);
-    default: return aerial_view(terrain);
+    case CameraKind::street:
+      return street_view(blocks, terrain);
+    case CameraKind::flight:
+      return flight_view(part, terrain);
+    default:
+      return aerial_view(terrain);
   }
 }
 
@@ -122,7 +134,8 @@ Status write_sky(const std::filesystem::path& file, TimeOfDay time) {
   if (!output) return error("{}: cannot be written: {}", file.string(), OIIO::geterror());
   OIIO::ImageSpec spec(kSkySize, kSkySize, 3, OIIO::TypeDesc::HALF);
   spec.attribute("compression", "zip");
-  const bool written = output->open(file.string(), spec) && output->write_image(OIIO::TypeDesc::FLOAT, texels.data()) && output->close();
+  const bool written =
+      output->open(file.string(), spec) && output->write_image(OIIO::TypeDesc::FLOAT, texels.data()) && output->close();
   if (!written) return error("{}: cannot be written: {}", file.string(), output->geterror());
   return {};
 }
@@ -132,9 +145,15 @@ shading::Light sun(TimeOfDay time) {
   light.kind = shading::LightKind::distant;
   light.edge1 = towards_sun(time) * -1.0f;
   switch (time) {
-    case TimeOfDay::day: light.radiance = {3.3f, 2.95f, 2.45f}; break;
-    case TimeOfDay::dusk: light.radiance = {0.85f, 0.36f, 0.13f}; break;
-    case TimeOfDay::night: light.radiance = {0.010f, 0.013f, 0.020f}; break;
+    case TimeOfDay::day:
+      light.radiance = {4.3f, 3.8f, 3.05f};
+      break;
+    case TimeOfDay::dusk:
+      light.radiance = {0.85f, 0.36f, 0.13f};
+      break;
+    case TimeOfDay::night:
+      light.radiance = {0.035f, 0.045f, 0.068f};
+      break;
   }
   return light;
 }

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "tools/city/cage.h"
 #include "tools/city/mason.h"
 
 namespace spillway::tools::city {
@@ -19,7 +20,8 @@ void sawtooth(Mason& m, double z) {
     const int panes = std::max(2, static_cast<int>(w / 4));
     for (int k = 0; k < panes; ++k) {
       const double x0 = w * k / panes, x1 = w * (k + 1) / panes;
-      m.g.quad(pane_surface(m.b.glass, m.style.lighting, m.random), f, {x1, y1, 0.3}, {x0, y1, 0.3}, {x0, y1, rise}, {x1, y1, rise});
+      m.g.quad(pane_surface(m.b.glass, m.style.lighting, m.random), f, {x1, y1, 0.3}, {x0, y1, 0.3}, {x0, y1, rise},
+               {x1, y1, rise});
       box(m.g, Surface::metal_dark, f, {x0 - 0.05, y1, 0}, {x0 + 0.05, y1 + 0.08, rise}, kBack | kLeft | kRight);
     }
     m.g.quad(m.b.wall, f, {w, y1, 0}, {0, y1, 0}, {0, y1, 0.3}, {w, y1, 0.3});
@@ -36,7 +38,8 @@ void loading_docks(Mason& m) {
     const double x0 = w * (i + 0.5) / docks - 1.8, x1 = x0 + 3.6;
     box(m.g, Surface::metal_light, f, {x0, -0.08, 0.9}, {x1, 0, 4.1}, kFront | kLeft | kRight | kTop);
     for (int slat = 1; slat < 8; ++slat)
-      box(m.g, Surface::metal_dark, f, {x0, -0.1, 0.9 + 0.4 * slat}, {x1, -0.08, 0.94 + 0.4 * slat}, kFront | kTop | kBottom);
+      box(m.g, Surface::metal_dark, f, {x0, -0.1, 0.9 + 0.4 * slat}, {x1, -0.08, 0.94 + 0.4 * slat},
+          kFront | kTop | kBottom);
     box(m.g, Surface::concrete, f, {x0 - 0.3, -1.4, -0.5}, {x1 + 0.3, -0.02, 0.9}, kStanding);
     box(m.g, m.style.trim, f, {x0 - 0.4, -1.6, 4.4}, {x1 + 0.4, -0.02, 4.55}, kAllFaces);
   }
@@ -60,14 +63,15 @@ void tank(Mason& m, Vec2 at, double z0) {
   const double r = m.random.between(1.4, 2.6), h = m.random.between(3, 6);
   const int sides = m.style.level >= 2 ? 24 : 12;
   cone(m.g, Surface::metal_light, f, sides, r, 0, r, h);
-  dome(m.g, Surface::metal_light, f, sides, 4, r, h, r * 0.35);
+  dome_cage(m.g, Surface::metal_light, f, r, h, r * 0.4, false);
   beam(m.g, Surface::metal_dark, f, {r + 0.1, 0, 0}, {r + 0.1, 0, h + 0.4}, 0.08);
 }
 
 }  // namespace
 
 void build_warehouse(Mason& m) {
-  m.style.bay_m = m.random.between(3.5, 5), m.style.window_share = 0.55, m.style.sill_share = 0.62, m.style.head_share = 0.86;
+  m.style.bay_m = m.random.between(3.5, 5), m.style.window_share = 0.55, m.style.sill_share = 0.62,
+  m.style.head_share = 0.86;
   const double z = m.storeys(m.b.footprint, m.z, m.b.floors, m.b.floor_m, Facade::punched, false);
   loading_docks(m);
   sawtooth(m, z);

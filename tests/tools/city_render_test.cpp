@@ -1,0 +1,93 @@
+// A small city at night, rendered: the same bits as the depth-first reference, whatever fits in memory.
+
+#include <gtest/gtest.h>
+#include <tbb/task_arena.h>
+
+#include "pipeline/pack/scene_packer.h"
+#include "pipeline/render/render_image.h"
+#include "tests/support/reference_integrator.h"
+#include "tests/support/small_scene.h"
+#include "tools/city/city.h"
+
+namespace spillway::tools::city {
+namespace {
+
+using namespace pipeline;
+
+class CityRender : public testing::Test {
+ protected:
+  static void SetUpTestSuite() {
+    directory_ = std::make_unique<test::TemporaryDirectory>();
+    CityOptions options;
+    options.buildings = 40, options.detail_triangles = 900, options.trees = 60, options.cars = 30, options.seed = 4;
+    options.time = TimeOfDay::night, options.unique = 0.7;
+    const auto city = City::plan(options);
+    ASSERT_TRUE(city) << city.error().message;
+    const auto sky = directory_->path() / "sky.exr";
+    ASSERT_TRUE(write_sky(sky, options.time));
+    auto packer = ScenePacker::create(directory_->path() / "city.store", {.max_triangles_per_page = 4096});
+    ASSERT_TRUE(packer);
+    ASSERT_TRUE(city->emit(**packer, sky));
+    const Status finished = (*packer)->finish();
+    ASSERT_TRUE(finished) << finished.error().message;
+    auto store = Store::open(directory_->path() / "city.store");
+    ASSERT_TRUE(store) << store.error().message;
+    store_ = std::make_unique<Store>(std::move(*store));
+  }
+  static void TearDownTestSuite() { store_.reset(), directory_.reset(); }
+
+  static RenderOptions options() {
+    RenderOptions o;
+    o.settings = store_->settings();
+    const float aspect = 64.0f / 36.0f;
+    o.settings.camera.resolution_x_px = 64, o.settings.camera.resolution_y_px = 36;
+    o.settings.camera.tan_half_fov_x = o.settings.camera.tan_half_fov_y * aspect;
+    o.settings.render.samples_per_pixel = 4;
+    o.scratch_directory = directory_->path();
+    return o;
+  }
+  static RenderedImage render(const RenderOptions& o, int threads) {
+    tbb::task_arena arena(threads);
+    Result<RenderedImage> image = arena.execute([&] { return render_image(*store_, o); });
+    EXPECT_TRUE(image) << image.error().message;
+    return image ? std::move(*image) : RenderedImage{};
+  }
+
+  static std::unique_ptr<test::TemporaryDirectory> directory_;
+  static std::unique_ptr<Store> store_;
+};
+
+std::unique_ptr<test::TemporaryDirectory> CityRender::directory_;
+std::unique_ptr<Store> CityRender::store_;
+
+TEST_F(CityRender, has_the_bits_of_the_reference_with_any_memory_and_threads) {
+  const auto tracer = test::kernel_tracer(*store_);
+  ASSERT_TRUE(tracer) << tracer.error().message;
+  const auto film = test::render_reference(*store_, **tracer, {options().settings, false});
+  ASSERT_TRUE(film) << film.error().message;
+  const std::string hash = (*film)->hash();
+  EXPECT_EQ(render(options(), 2).report.image_hash, hash);
+  RenderOptions small = options();
+  small.plan.page_bytes = 1 << 20, small.plan.wave_paths = 1500, small.plan.spill = 1;
+  const RenderedImage image = render(small, 3);
+  EXPECT_EQ(image.report.image_hash, hash);
+  EXPECT_GT(image.report.pages.parts_evicted, 10u);
+  EXPECT_FALSE(image.report.faults.any());
+}
+
+TEST_F(CityRender, the_picture_is_lit_by_windows_and_lamps) {
+  const RenderedImage image = render(options(), 2);
+  float brightest = 0;
+  double sum = 0;
+  for (uint32_t y = 0; y < 36; ++y)
+    for (uint32_t x = 0; x < 64; ++x) {
+      const float here = luminance(image.film->pixel(x, y));
+      brightest = std::max(brightest, here), sum += here;
+    }
+  EXPECT_GT(brightest, 0.3f);         // a pane or a lamp is seen
+  EXPECT_GT(sum / (64 * 36), 0.003);  // and the night is not black
+  EXPECT_LT(sum / (64 * 36), 0.5);
+}
+
+}  // namespace
+}  // namespace spillway::tools::city
