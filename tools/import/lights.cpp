@@ -111,7 +111,7 @@ Status read_distant(Session& session, const ParamList& params, Place place, cons
 }
 
 // The image in the light's frame: its axes are rows of the rotation that takes the world there.
-Status read_environment(Session& session, const ParamList& params, const Parameter& file, Place place,
+Status read_environment(const ParamList& params, const Parameter& file, Place place,
                         const Transform& world_from_light, Light& light) {
   SPILLWAY_TRY(expect_count(file, file.strings.size(), 1));
   if (!world_from_light.keeps_angles())
@@ -133,7 +133,7 @@ Status read_environment(Session& session, const ParamList& params, const Paramet
 Status read_infinite(Session& session, const ParamList& params, Place place, const Transform& world_from_light, Light& light) {
   light.kind = LightKind::infinite;
   if (const Parameter* file = params.find(ParamType::string, "filename"))
-    return read_environment(session, params, *file, place, world_from_light, light);
+    return read_environment(params, *file, place, world_from_light, light);
   SPILLWAY_ASSIGN(light.radiance, light_color(session, params, "L"));
   SPILLWAY_ASSIGN(const float illuminance, params.real("illuminance", -1));
   if (illuminance > 0) light.radiance = light.radiance * (illuminance / kPi);  // of a hemisphere of radiance 1
