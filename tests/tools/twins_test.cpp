@@ -147,13 +147,13 @@ TEST(KnownAnswers, a_furnace_of_gas_returns_everything) {
   EXPECT_LT(mean.standard_error, 0.02);
 }
 
-// A sky seen through a skylight of two by two, two above the floor, and nowhere else.
+// A sky seen through a skylight of twenty by twenty, twenty above the floor, and nowhere else.
 TEST(KnownAnswers, a_portal_lets_in_what_is_seen_through_it) {
   const std::string sky =
-      "LightSource \"infinite\" \"rgb L\" [1 1 1] \"point3 portal\" [-1 -1 2  -1 1 2  1 1 2  1 -1 2]\n";
+      "LightSource \"infinite\" \"rgb L\" [1 1 1] \"point3 portal\" [-10 -10 20 -10 10 20 10 10 20 10 -10 20]\n";
   const double a = 0.5, root = std::sqrt(1 + a * a), corner = 2 * a / root * std::atan(a / root) / (2 * M_PI);
   expect_mean(sky + kFloor, 0.5 * 4 * corner, 0.002);  // a floor of one half; Howell, configuration B-3, at its corner
-  EXPECT_EQ(mean_of_scene(sky, 16).value, 0);          // looking down: from outside, and away from it
+  EXPECT_EQ(mean_of_scene(sky, 16).value, 0);          // looking down, away from it
 }
 
 // A mix is one of its parts, as often as it says, whatever they are.
