@@ -46,15 +46,19 @@ void tell_warnings(const ImportReport& report, bool quiet) {
 
 }  // namespace
 
+Result<uint64_t> pack_limit_bytes(uint64_t process_bytes) {
+  const uint64_t floor = pipeline::memory_floor_bytes() + kSlackBytes;
+  if (process_bytes <= floor)
+    return error("--memory {}: packing needs {} before anything is loaded; raise it", pipeline::bytes_text(process_bytes),
+                 pipeline::bytes_text(floor));
+  return process_bytes - floor;
+}
+
 Result<pipeline::PackReport> pack_scene(const OpenSceneOptions& options) {
   pipeline::PackOptions pack;
   pack.source_files = {options.scene};
   if (options.memory_bytes != 0) {
-    const uint64_t floor = pipeline::memory_floor_bytes() + kSlackBytes;
-    if (options.memory_bytes <= floor)
-      return error("--memory {}: packing needs {} before anything is loaded; raise it", pipeline::bytes_text(options.memory_bytes),
-                   pipeline::bytes_text(floor));
-    pack.memory_limit_bytes = options.memory_bytes - floor;
+    SPILLWAY_ASSIGN(pack.memory_limit_bytes, pack_limit_bytes(options.memory_bytes));
   }
   if (options.edge_length_px > 0) pack.dice.edge_length_px = options.edge_length_px;
   pack.dice.cache_directory = options.dice_cache;

@@ -23,6 +23,9 @@ struct OpenSceneOptions {
   bool quiet = false;
 };
 
+// What of a budget for the whole process is left for packing. Fails when nothing is.
+Result<uint64_t> pack_limit_bytes(uint64_t process_bytes);
+
 // Imports and packs the .pbrt scene, whatever store is there.
 Result<pipeline::PackReport> pack_scene(const OpenSceneOptions& options);
 

@@ -37,7 +37,7 @@ MemoryUse use(const Counter& c) { return {c.current.load(), c.peak.load()}; }
 
 const char* name(MemoryTag tag) {
   static constexpr const char* kNames[kMemoryTagCount] = {"scene", "page_tree", "pages", "attributes",
-                                                          "textures", "rays", "paths", "hits",
+                                                          "textures", "volumes", "rays", "paths", "hits",
                                                           "film", "streams", "lights", "trace_log", "pack"};
   return kNames[static_cast<size_t>(tag)];
 }

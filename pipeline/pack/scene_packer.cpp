@@ -27,7 +27,7 @@ namespace fs = std::filesystem;
 
 // Whether this is a name that packing gives, possibly one left by a packing that was killed.
 bool is_name_of_ours(const std::string& name) {
-  for (const char* ours : {kManifestFile, kTracePagesFile, kAttributesFile})
+  for (const char* ours : {kManifestFile, kTracePagesFile, kAttributesFile, kVolumesFile})
     if (name == ours || (name.starts_with(std::string(ours) + ".") && name.ends_with(".tmp"))) return true;
   return name == kTexturesDirectory;
 }
@@ -75,6 +75,7 @@ struct ScenePacker::Packed {
   PackedPageTree tree;
   PackedLights lights;
   std::vector<Rgb> environment;
+  PackedMedia media;
   std::unique_ptr<cache::TextureCache> textures;  // of the images; null without any
 };
 
@@ -175,13 +176,39 @@ Status ScenePacker::add_environment(const shading::Light& light, ImageId image) 
   return {};
 }
 
+Result<uint32_t> ScenePacker::add_volume(const VolumeInput& volume) {
+  SPILLWAY_TRY(state_);
+  auto added = media_.add_volume(volume);
+  if (!added) return fail<uint32_t>(added.error());
+  if (!volume.file.empty()) add_source_file(volume.file);
+  return added;
+}
+
+Result<uint32_t> ScenePacker::add_medium(const MediumInput& medium) {
+  SPILLWAY_TRY(state_);
+  auto added = media_.add_medium(medium);
+  return added ? std::move(added) : fail<uint32_t>(added.error());
+}
+
+// Meshes have a material each; this one's is never asked for.
+Result<MaterialId> ScenePacker::interface_material() {
+  if (interface_material_.valid()) return interface_material_;
+  SPILLWAY_ASSIGN(interface_material_, add_material(Material{}, "interface"));
+  return interface_material_;
+}
+
 uint32_t ScenePacker::begin_object(std::string name) {
   object_names_.push_back(std::move(name));
   return scene_.object_count++;
 }
 
 Status ScenePacker::check_mesh(const MeshInput& mesh) const {
-  if (mesh.material.value >= materials_.size())
+  const bool is_interface = mesh.divides_media && !mesh.material.valid();
+  if (is_interface && mesh.emits) return error("{}: emits light, but has no material; give it one", mesh.name);
+  for (const uint32_t medium : {mesh.medium_inside, mesh.medium_outside})
+    if (mesh.divides_media && medium != kNoMedium && medium >= media_.medium_count())
+      return error("{}: divides medium {} of {}", mesh.name, medium, media_.medium_count());
+  if (!is_interface && mesh.material.value >= materials_.size())
     return error("{}: uses material {} of {}", mesh.name, mesh.material.value, materials_.size());
   if (mesh.alpha.valid() && mesh.alpha.value >= textures_.size())
     return error("{}: uses texture {} of {} as alpha", mesh.name, mesh.alpha.value, textures_.size());
@@ -201,8 +228,19 @@ Status ScenePacker::check_object(uint32_t object) const {
 Status ScenePacker::add_mesh(const MeshInput& mesh) {
   SPILLWAY_TRY(state_);
   SPILLWAY_TRY(failed(check_mesh(mesh)));
+  if (mesh.divides_media && !mesh.material.valid()) {
+    MeshInput interface = mesh;
+    SPILLWAY_ASSIGN(interface.material, interface_material());
+    interface.alpha = {};
+    return add_checked_mesh(interface, true);
+  }
+  return add_checked_mesh(mesh, false);
+}
+
+Status ScenePacker::add_checked_mesh(const MeshInput& mesh, bool is_interface) {
   auto spooled = spool_mesh(mesh, *spool_, options_.max_faces_per_attribute_block, degenerate_count_);
   if (!spooled) return failed(spooled.error());
+  if (is_interface) spooled->row.flags |= kMeshIsInterface;
   if (mesh.emits) dark_light_count_ += mesh.indices.size() / 3 - (spooled->emits ? spooled->row.face_count : 0);
   if (!spooled->chunks.empty()) scene_.meshes.push_back(std::move(*spooled));
   return {};
@@ -223,6 +261,8 @@ Status ScenePacker::add_subdivision(const SubdivisionInput& subdivision) {
   SPILLWAY_TRY(state_);
   SPILLWAY_TRY(failed(check_mesh(subdivision.cage)));
   SPILLWAY_TRY(failed(check_displacement(subdivision)));
+  if (!subdivision.cage.material.valid())
+    return failed(error("{}: a subdivided cage without a material is not possible; give it one", subdivision.cage.name));
   auto cage = make_cage(subdivision);
   if (!cage) return failed(cage.error());
   cages_.push_back(std::move(*cage));
@@ -405,6 +445,10 @@ Status ScenePacker::write_store() {
   SPILLWAY_TRY(write_attributes(packed));
   SPILLWAY_TRY(write_pages(packed));
   {
+    const PackStepTimer timer(report_, "volumes");
+    SPILLWAY_TRY(write_volumes(packed));
+  }
+  {
     const PackStepTimer timer(report_, "lights");
     SPILLWAY_TRY(write_lights(packed));
   }
@@ -483,6 +527,17 @@ double ScenePacker::seconds_since_creation() const {
   return std::chrono::duration<double>(std::chrono::steady_clock::now() - created_).count();
 }
 
+// A scene without volumes has no file of them.
+Status ScenePacker::write_volumes(Packed& packed) const {
+  const fs::path path = directory_ / kVolumesFile;
+  std::error_code code;
+  fs::remove(path, code);
+  if (media_.medium_count() == 0) return {};
+  SPILLWAY_ASSIGN(auto bricks, cache::WriteFile::create(path, cache::IoPurpose::pack));
+  SPILLWAY_ASSIGN(packed.media, media_.pack(bricks, path, {options_.volume_brick_voxels, options_.memory_limit_bytes}));
+  return media_.has_volumes() ? bricks.commit() : Status{};
+}
+
 SceneStatistics ScenePacker::statistics(const Packed& packed) const {
   std::vector<uint64_t> triangles(scene_.object_count, 0);
   for (const SpooledMesh& mesh : scene_.meshes) triangles[mesh.row.object] += mesh.row.face_count;
@@ -520,6 +575,12 @@ Status ScenePacker::write_manifest(const Packed& packed) {
   const auto add = [&](const char* name, const auto& items) {
     writer.add_view(name, std::as_bytes(std::span(items.data(), items.size())));
   };
+  add(section::kMedia, packed.media.media);
+  add(section::kBlackBodies, packed.media.black_bodies);
+  add(section::kVolumeGrids, packed.media.volumes.grids);
+  add(section::kVolumeEntries, packed.media.volumes.entries);
+  add(section::kVolumeCells, packed.media.volumes.cell_max);
+  add(section::kVolumeBricks, packed.media.volumes.bricks);
   writer.add(section::kSettings, std::as_bytes(std::span(&settings_, 1)));
   add(section::kMeshes, meshes);
   add(section::kMaterials, materials_);
@@ -553,7 +614,7 @@ Status ScenePacker::write_manifest(const Packed& packed) {
 void ScenePacker::remove_output() {
   if (!wrote_output_) return;
   std::error_code code;
-  for (const char* file : {kManifestFile, kTracePagesFile, kAttributesFile}) fs::remove(directory_ / file, code);
+  for (const char* file : {kManifestFile, kTracePagesFile, kAttributesFile, kVolumesFile}) fs::remove(directory_ / file, code);
   remove_packed_images(directory_ / kTexturesDirectory, {});
   wrote_output_ = false;
 }

@@ -26,6 +26,7 @@
 #include "pipeline/pack/dice_rates.h"
 #include "pipeline/pack/mesh_spool.h"
 #include "pipeline/pack/pack_images.h"
+#include "pipeline/pack/pack_media.h"
 #include "pipeline/pack/pack_page_tree.h"
 #include "pipeline/pack/pack_report.h"
 #include "pipeline/pack/scene_sink.h"
@@ -42,6 +43,7 @@ struct PackOptions {
   uint32_t max_triangles_per_page = 65536;          // 1..65536; larger: fewer, longer reads
   BuildOptions tree{};
   uint32_t max_faces_per_attribute_block = cache::kMaxFacesPerAttributeBlock;  // larger: fewer, longer reads
+  int32_t volume_brick_voxels = 32;                 // 8, 16, 32 or 64; larger: fewer, longer reads
   // Performance: the store's bytes do not differ.
   uint64_t memory_limit_bytes = 2ull << 30;         // larger: fewer passes over the spooled meshes
   std::filesystem::path scratch{};                  // empty: the store directory; holds all triangles once
@@ -57,6 +59,9 @@ class ScenePacker final : public SceneSink {
   Result<MaterialId> add_material(const Material& material, std::string name) override;
   Status add_light(const shading::Light& light) override;
   Status add_environment(const shading::Light& light, ImageId image) override;
+  Result<uint32_t> add_volume(const VolumeInput& volume) override;
+  Result<uint32_t> add_medium(const MediumInput& medium) override;
+  void set_black_bodies(std::span<const Rgb> table) override { media_.set_black_bodies(table); }
   uint32_t begin_object(std::string name) override;
   Status add_mesh(const MeshInput& mesh) override;
   Status add_subdivision(const SubdivisionInput& subdivision) override;
@@ -80,6 +85,8 @@ class ScenePacker final : public SceneSink {
   Result<T> fail(Error problem);
   Status failed(Status status);
   Status check_mesh(const MeshInput& mesh) const;
+  Status add_checked_mesh(const MeshInput& mesh, bool is_interface);
+  Result<MaterialId> interface_material();
   Status check_object(uint32_t object) const;
   Status add_placed(uint32_t object, const Affine3& world_from_object, const Motion* motion);
   Status write_store();
@@ -97,6 +104,7 @@ class ScenePacker final : public SceneSink {
   Status write_lights(Packed& packed);
   Status open_images(Packed& packed) const;
   Status write_pages(Packed& packed);
+  Status write_volumes(Packed& packed) const;
   SceneStatistics statistics(const Packed& packed) const;
   [[nodiscard]] std::string name_lines() const;
   Status write_manifest(const Packed& packed);
@@ -118,6 +126,8 @@ class ScenePacker final : public SceneSink {
   TextureCosts texture_costs_;
   std::vector<Material> materials_;
   std::vector<std::string> material_names_, object_names_;
+  SaidMedia media_;
+  MaterialId interface_material_;  // of meshes that only divide media
   std::vector<shading::Light> lights_;
   ImageId environment_image_;
   std::vector<cache::Instance> instances_;

@@ -90,7 +90,7 @@ TEST(pbrt_errors, directives_belong_somewhere) {
       {"TransformTimes 1 1", "scene.pbrt:1:1: TransformTimes 1 1: the first must be before the second"},
       {"TransformTimes 0 1e99", "scene.pbrt:1:1: TransformTimes 0 1e+99: the first"},
       {"WorldBegin TransformTimes 0 1", "scene.pbrt:1:12: TransformTimes belongs before WorldBegin"},
-      {"WorldBegin MediumInterface \"fog\" \"\"", "scene.pbrt:1:12: MediumInterface: media"},
+      {"WorldBegin MediumInterface \"fog\" \"\" Shape \"sphere\"", "scene.pbrt:1:28: there is no medium \"fog\""},
       {"WorldBegin\n" +
            [] {
              std::string s;
@@ -326,13 +326,13 @@ TEST(pbrt_errors, folders_and_compressed_files_are_named) {
 TEST(pbrt_errors, lenient_leaves_out_what_can_be_left_out) {
   const std::string text =
       "Sprocket \"a\" \"float b\" [ 1 2 ] 3 true\nCamera \"perspective\" \"float fox\" 30\nWorldBegin\n"
-      "MakeNamedMedium \"fog\" \"string type\" \"homogeneous\"\nMediumInterface \"fog\" \"\"\n"
+      "MakeNamedMedium \"fog\" \"string type\" \"homogeneous\" \"string preset\" \"Milk\"\n"
       "LightSource \"projection\"\nShape \"curve\" \"float radius\" 3\nMaterial \"hair\"\n" +
       std::string(kTriangle) + "Material \"interface\"\n" + std::string(kTriangle);
   EXPECT_EQ(import_text(text).error.substr(0, 15), "scene.pbrt:1:1:");
   const Imported imported = import_text(text, true);
   EXPECT_EQ(imported.error, "");
-  EXPECT_EQ(imported.report.warning_count, 7u);
+  EXPECT_EQ(imported.report.warning_count, 6u);
   for (const char* stand_in :
        {"a \"spot\" as wide as its field of view is used", "nothing is used", "a grey diffuse one is used"}) {
     const auto& warnings = imported.report.warnings;

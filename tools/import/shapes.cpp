@@ -256,6 +256,8 @@ Status send_shape(Session& session, ReadShape shape) {
   input.material = state.material;
   input.object = state.object;
   input.alpha = shape.alpha;
+  input.divides_media = state.divides_media;
+  input.medium_inside = state.medium_inside, input.medium_outside = state.medium_outside;
   if (shape.cage) return send_cage(session, shape, input);
   input.flip_normals = place_mesh(mesh, state.object_from_shape, state.reverse_orientation);
   input.positions = mesh.positions, input.normals = mesh.normals, input.uvs = mesh.uvs, input.indices = mesh.indices;
