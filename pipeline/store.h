@@ -103,11 +103,12 @@ class Store {
   [[nodiscard]] cache::PageTree page_tree() const;
   [[nodiscard]] shading::LightTable light_table() const;
 
+  // Null when the scene has no subdivision surfaces.
+  [[nodiscard]] const DicingRecord* dicing() const { return tables_.dicing.empty() ? nullptr : tables_.dicing.data(); }
+
   [[nodiscard]] MediumTables medium_tables() const {
     return {tables_.media, volume_tables(tables_), tables_.black_bodies};
   }
-  // Null when the scene has no subdivision surfaces.
-  [[nodiscard]] const DicingRecord* dicing() const { return tables_.dicing.empty() ? nullptr : tables_.dicing.data(); }
 
   // prim must be one of the scene's.
   [[nodiscard]] MeshId mesh_of(PrimId prim) const;

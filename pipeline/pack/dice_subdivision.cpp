@@ -15,11 +15,14 @@
 namespace spillway::pipeline {
 namespace {
 
-constexpr uint64_t kBatchBytes = 64 << 20;  // of cages that are prepared together
+// Of cages that are prepared together; with their topologies and edges some ten times as much, and for each the patches of
+// its irregular faces.
+constexpr uint64_t kBatchBytes = 8 << 20;
+constexpr uint64_t kPatchBytes = 64 << 10;
 
 // A cage for one object: `px_per_unit` on the picture, or by the place of each edge in the world.
 struct DiceJob {
-  const SubdivisionCage* cage;
+  const SpooledCage* cage;
   uint32_t object;
   double px_per_unit;  // 0: of the world
 };
@@ -36,8 +39,8 @@ class InstanceGroups {
     choose_details();
     move_instances();
     std::vector<DiceJob> jobs;
-    for (const SubdivisionCage& cage : diced_.cages) {
-      const uint32_t object = cage.surface.object;
+    for (const SpooledCage& cage : diced_.cages.cages()) {
+      const uint32_t object = cage.row.surface.object;
       if (object == 0) jobs.push_back({&cage, 0, 0});
       else
         for (const auto& [detail, variant] : variants_[object]) jobs.push_back({&cage, variant, std::ldexp(1.0, detail)});
@@ -50,8 +53,7 @@ class InstanceGroups {
     boxes_.resize(diced_.scene.object_count);
     has_triangles_.resize(diced_.scene.object_count, false);
     variants_.resize(diced_.scene.object_count);
-    for (const SubdivisionCage& cage : diced_.cages)
-      for (const Float3 p : cage.positions) boxes_[cage.surface.object].grow(p);
+    for (const SpooledCage& cage : diced_.cages.cages()) boxes_[cage.row.surface.object].grow(cage.bounds);
     for (const SpooledMesh& mesh : diced_.scene.meshes) has_triangles_[mesh.row.object] = true;
   }
 
@@ -130,6 +132,7 @@ constexpr uint64_t kLeastCachedTriangles = 4096;
 
 // A job at work: its triangles come from the dicer or from the cache.
 struct ActiveJob {
+  SubdivisionCage cage;
   std::unique_ptr<CageDicer> dicer;
   std::unique_ptr<CachedPieces> cached;
   std::optional<DiceKey> key;         // under which the cache will want it
@@ -157,14 +160,17 @@ class Dicing {
   // Jobs whose cages are about kBatchBytes.
   Status dice(std::span<const DiceJob> jobs) {
     std::vector<ActiveJob> active(jobs.size());
+    for (size_t i = 0; i < jobs.size(); ++i) {
+      SPILLWAY_ASSIGN(active[i].cage, diced_.cages.read(*jobs[i].cage));
+    }
     SPILLWAY_TRY(parallel_status(jobs.size(), [&](size_t i) -> Status {
-      const HeightsAt heights = diced_.displacement.heights(*jobs[i].cage);
-      SPILLWAY_ASSIGN(active[i].dicer, CageDicer::create(*jobs[i].cage, edge_pieces(jobs[i], view_, options_), heights));
+      const HeightsAt heights = diced_.displacement.heights(active[i].cage);
+      SPILLWAY_ASSIGN(active[i].dicer, CageDicer::create(active[i].cage, edge_pieces(jobs[i], view_, options_), heights));
       return {};
     }));
-    for (size_t i = 0; i < jobs.size(); ++i) SPILLWAY_TRY(count(*jobs[i].cage, active[i].dicer->triangle_count()));
+    for (size_t i = 0; i < jobs.size(); ++i) SPILLWAY_TRY(count(active[i].cage, active[i].dicer->triangle_count()));
     SPILLWAY_TRY(parallel_status(jobs.size(), [&](size_t i) {
-      const Status looked_up = look_up(*jobs[i].cage, active[i]);
+      const Status looked_up = look_up(active[i]);
       if (looked_up && !active[i].cached) active[i].dicer->evaluate_shared();
       return looked_up;
     }));
@@ -186,9 +192,9 @@ class Dicing {
                  cage.surface.name, triangles, report_.triangle_count, options_.most_triangles);
   }
 
-  Status look_up(const SubdivisionCage& cage, ActiveJob& job) const {
+  Status look_up(ActiveJob& job) const {
     if (!cache_ || job.dicer->triangle_count() < kLeastCachedTriangles) return {};
-    const DiceKey key = dice_key(cage, job.dicer->rates(), diced_.displacement.key(cage));
+    const DiceKey key = dice_key(job.cage, job.dicer->rates(), diced_.displacement.key(job.cage));
     SPILLWAY_ASSIGN(job.cached, cache_->find(key, job.dicer->piece_count()));
     if (job.cached) return {};
     job.key = key;
@@ -232,7 +238,7 @@ class Dicing {
   }
 
   Status spool(const DiceJob& job, const DicedPiece& piece, SpooledMesh& mesh) {
-    MeshInput input = job.cage->surface;
+    MeshInput input = job.cage->row.surface;
     input.object = job.object;
     input.positions = piece.positions, input.normals = piece.normals, input.uvs = piece.uvs;
     input.indices = piece.indices;
@@ -262,7 +268,7 @@ class Dicing {
 }  // namespace
 
 Result<DiceReport> dice_subdivision(const DicedScene& diced, const DiceOptions& options, uint32_t max_faces_per_chunk) {
-  if (diced.cages.empty()) return DiceReport{};
+  if (diced.cages.cages().empty()) return DiceReport{};
   const DiceView view(options.cameras);
   const std::vector<DiceJob> jobs = InstanceGroups(diced, view).make();
   Dicing dicing(diced, view, options, max_faces_per_chunk);
@@ -270,8 +276,8 @@ Result<DiceReport> dice_subdivision(const DicedScene& diced, const DiceOptions& 
   for (size_t first = 0; first < jobs.size();) {
     uint64_t bytes = 0;
     size_t last = first;
-    while (last < jobs.size() && (last == first || bytes + jobs[last].cage->size_bytes() <= kBatchBytes))
-      bytes += jobs[last++].cage->size_bytes();
+    while (last < jobs.size() && (last == first || bytes + jobs[last].cage->size_bytes <= kBatchBytes))
+      bytes += jobs[last++].cage->size_bytes + kPatchBytes;
     SPILLWAY_TRY(dicing.dice(std::span(jobs).subspan(first, last - first)));
     first = last;
   }

@@ -341,10 +341,7 @@ Status ScenePacker::add_subdivision(const SubdivisionInput& subdivision) {
     return failed(error("{}: a subdivision surface cannot have face textures yet", subdivision.cage.name));
   auto cage = make_cage(subdivision);
   if (!cage) return failed(cage.error());
-  cages_.push_back(std::move(*cage));
-  cage_bytes_ += cages_.back().size_bytes() + sizeof(SubdivisionCage);
-  cages_claim_ = MemoryClaim(MemoryTag::pack, cage_bytes_);
-  return {};
+  return failed(cages_.append(std::move(*cage), *scratch_));
 }
 
 Status ScenePacker::add_placed(uint32_t object, const Affine3& world_from_object, const Motion* motion) {
@@ -467,7 +464,7 @@ Status ScenePacker::check_emitters_stand_still() const {
 
 // Images come first: displacements look at them.
 Status ScenePacker::dice_cages(const Packed& packed) {
-  if (cages_.empty()) return {};
+  if (cages_.cages().empty()) return {};
   const PackStepTimer timer(report_, "dice");
   for (const FrameCamera& frame : camera_path_) options_.dice.cameras.push_back(frame.camera);
   if (options_.dice.cameras.empty()) options_.dice.cameras = {settings_.camera};
@@ -476,10 +473,11 @@ Status ScenePacker::dice_cages(const Packed& packed) {
       options_.dice.cameras.push_back(settings_.camera);
       options_.dice.cameras.back().world_from_camera = transform_at(motions_[motion - 1], time);
     }
+  SPILLWAY_TRY(cages_.seal());
   const Displacement displacement(textures_, packed.images, packed.textures.get());
   const DicedScene diced{cages_, instances_, motions_, object_names_, scene_, *spool_, degenerate_count_, displacement};
   SPILLWAY_ASSIGN(report_.dice, dice_subdivision(diced, options_.dice, options_.max_faces_per_attribute_block));
-  cages_ = {}, cages_claim_ = {};
+  cages_ = {};
   return {};
 }
 

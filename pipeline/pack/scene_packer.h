@@ -3,7 +3,7 @@
 // The scene sink that writes a store.
 //
 // Owns: the store directory while it packs; scratch files; tables of what was said so far.
-// Memory: tag pack. Meshes go to scratch at once and leave a row of some hundred bytes, cages stay; finish() holds as many
+// Memory: tag pack. Meshes go to scratch at once and leave a row of some hundred bytes, cages too; finish() holds as many
 //         triangles at a time as the limit allows beside those rows (40 bytes each).
 // Threads: one caller; finish() works on all threads of the current arena.
 // Fails: the first error is final: every later call returns it. A store that is already in the directory stays whole
@@ -23,6 +23,7 @@
 #include "cache/file.h"
 #include "cache/trace_page.h"
 #include "pipeline/pack/build_trees.h"
+#include "pipeline/pack/cage_spool.h"
 #include "pipeline/pack/dice_rates.h"
 #include "pipeline/pack/mesh_spool.h"
 #include "pipeline/pack/pack_face_textures.h"
@@ -31,7 +32,6 @@
 #include "pipeline/pack/pack_page_tree.h"
 #include "pipeline/pack/pack_report.h"
 #include "pipeline/pack/scene_sink.h"
-#include "pipeline/pack/subdivision_cage.h"
 #include "pipeline/store_validation.h"
 
 namespace spillway::pipeline {
@@ -123,9 +123,7 @@ class ScenePacker final : public SceneSink {
   std::unique_ptr<cache::Scratch> scratch_;
   std::unique_ptr<MeshSpool> spool_;
   SpooledScene scene_;
-  std::vector<SubdivisionCage> cages_;
-  uint64_t cage_bytes_ = 0;
-  MemoryClaim cages_claim_;  // of cage_bytes_
+  CageSpool cages_;
   SceneSettings settings_;
   std::vector<FrameCamera> camera_path_;
   std::vector<ImageSource> images_;
