@@ -60,6 +60,8 @@ class InstanceGroups {
       const Bounds3& box = boxes_[instance.object];
       if (box.empty()) continue;
       details_[i] = detail_of_instance(view_, box, instance.world_from_object);
+      if (instance.motion != 0)
+        details_[i] = std::max(details_[i], detail_of_instance(view_, box, diced_.motions[instance.motion - 1].key[1]));
       variants_[instance.object].try_emplace(details_[i], 0);
     }
     for (uint32_t object = 1; object < variants_.size(); ++object) number_variants(object);

@@ -26,6 +26,7 @@ namespace spillway::pipeline {
 struct DicedScene {
   std::span<const SubdivisionCage> cages;
   std::vector<cache::Instance>& instances;  // 0 is the world's
+  std::span<const Motion> motions;          // of those that move: diced for the finer of their keys
   std::vector<std::string>& object_names;   // of object 1, 2, ...
   SpooledScene& scene;
   MeshSpool& spool;

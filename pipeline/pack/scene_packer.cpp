@@ -378,7 +378,7 @@ Status ScenePacker::check_emitters_stand_still() const {
 Status ScenePacker::dice_cages() {
   for (const FrameCamera& frame : camera_path_) options_.dice.cameras.push_back(frame.camera);
   if (options_.dice.cameras.empty()) options_.dice.cameras = {settings_.camera};
-  const DicedScene diced{cages_, instances_, object_names_, scene_, *spool_, degenerate_count_};
+  const DicedScene diced{cages_, instances_, motions_, object_names_, scene_, *spool_, degenerate_count_};
   SPILLWAY_TRY(dice_subdivision(diced, options_.dice, options_.max_faces_per_attribute_block));
   cages_ = {};
   return {};
