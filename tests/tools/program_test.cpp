@@ -209,6 +209,25 @@ TEST_F(ProgramTest, textures_that_are_missing_or_damaged_are_refused_by_name) {
   EXPECT_EQ(render(body).code, 0);
 }
 
+#ifdef __SANITIZE_ADDRESS__  // reserves terabytes of addresses
+constexpr const char* kLimit = "";
+#else
+constexpr const char* kLimit = "ulimit -v 3000000; ";
+#endif
+
+// Out of a pipe, so that nobody holds it, and within three gigabytes of addresses.
+TEST_F(ProgramTest, a_word_and_a_string_of_four_gigabytes_are_refused_at_their_place) {
+  for (const auto& [opening, message] : {std::pair{"WorldBegin\\n  Shape \"", "scene.pbrt:2:9: string of more than 65536 bytes"},
+                                         std::pair{"WorldBegin\\n  ", "scene.pbrt:2:3: word of more than 65536 bytes"}}) {
+    const Ended ended = run(fmt::format(
+        "{{ cd {}; rm -f scene.pbrt; mkfifo scene.pbrt\n"
+        "(printf '{}'; yes aaaaaaaa | tr -d '\\n' | head -c 4294967296) 2>/dev/null >scene.pbrt &\n"
+        "({}" SPILLWAY_PROGRAM " render scene.pbrt -o out.exr --memory 256MiB); status=$?; kill $! 2>/dev/null; exit $status; }}",
+        folder_.string(), opening, kLimit));
+    expect_refused(ended, {message});
+  }
+}
+
 TEST_F(ProgramTest, a_budget_that_is_too_small_is_refused_with_one_that_would_do) {
   ASSERT_EQ(spillway("pack " + courtyard_ + " -o c.store -q").code, 0);
   const Ended refused = spillway("render c.store -o out.exr --memory 64MiB");

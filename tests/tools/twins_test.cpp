@@ -45,8 +45,8 @@ TEST_P(Twins, are_equal_within_their_noise) {
 
 INSTANTIATE_TEST_SUITE_P(Mitsuba, Twins,
                          testing::Values("box", "bulb", "bulb_point", "glass", "globe", "instances", "lamps", "lens",
-                                         "mirror", "orthographic", "plastic", "quadrics", "sky", "spot", "sun",
-                                         "texture", "thin_glass"),
+                                         "mirror", "motion", "orthographic", "plastic", "quadrics", "sky", "spot",
+                                         "sun", "texture", "thin_glass"),
                          [](const auto& name) { return std::string(name.param); });
 #endif
 
