@@ -122,7 +122,8 @@ class Shader {
       const bool flip = inputs_.tables.meshes[mesh].flags & kMeshFlipNormals;
       scratch.points[i] = shading_point(triangle, hit, transform, flip);
       if (triangle.has_face) {
-        scratch.face_points[i] = face_point(triangle, hit, transform, scratch.points[i].width_world, inputs_.settings.seed);
+        scratch.face_points[i] =
+            face_point(triangle, hit, transform, scratch.points[i].width_world, inputs_.settings.seed);
         scratch.points[i].face = &scratch.face_points[i];
       }
       scratch.queries[i] = SurfaceQuery{&hit, &scratch.points[i], mesh, true, 0, {}};

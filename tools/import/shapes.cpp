@@ -101,7 +101,8 @@ Result<PlyMesh> read_plymesh(const ShapeSource& source) {
         session.ignorable(displacement->place, "displaced meshes are not supported yet: remove \"displacement\""));
   }
   name = file->strings[0];
-  Result<PlyMesh> mesh = read_ply(session.resolved(name), session.has_face_textures ? PlyFaces::numbered_triangles : PlyFaces::triangles);
+  Result<PlyMesh> mesh =
+      read_ply(session.resolved(name), session.has_face_textures ? PlyFaces::numbered_triangles : PlyFaces::triangles);
   if (!mesh) return error_at(file->place, "{}", mesh.error().message);
   return mesh;
 }
@@ -203,8 +204,9 @@ Status send_cage(Session& session, ReadShape& shape, MeshInput input) {
     input.emits_two_sided = shape.state.emission->two_sided;
   }
   input.positions = shape.mesh.positions, input.uvs = shape.mesh.uvs, input.indices = shape.mesh.indices;
-  const pipeline::SubdivisionInput subdivision{input,      cage.corner_counts, cage.uv_indices, cage.sharp_edges, cage.sharp_vertices,
-                                               cage.holes, cage.boundary,      cage.uv_rule};
+  const pipeline::SubdivisionInput subdivision{
+      input,      cage.corner_counts, cage.uv_indices, cage.sharp_edges, cage.sharp_vertices,
+      cage.holes, cage.boundary,      cage.uv_rule};
   const Status added = session.sink.add_subdivision(subdivision);
   if (!added) return error_at(shape.place, "{}", added.error().message);
   ++session.report.cage_count;
