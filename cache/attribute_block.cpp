@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cstring>
 
+#include "cache/base/all_finite.h"
 #include "cache/base/check.h"
 #include "cache/base/hash.h"
 
@@ -105,17 +106,6 @@ void check_input(std::span<const AttributeSegmentData> segments) {
     faces += data.indices.size() / 3;
   }
   SPILLWAY_CHECK(faces, <=, size_t{kMaxFacesPerAttributeBlock});
-}
-
-// Exact for any input: an exponent of all ones is an infinity or a NaN.
-bool all_finite(const float* values, size_t count) {
-  uint32_t bad = 0;
-  for (size_t i = 0; i < count; ++i) {
-    uint32_t bits;
-    std::memcpy(&bits, values + i, sizeof bits);
-    bad |= static_cast<uint32_t>((bits & 0x7f800000u) == 0x7f800000u);
-  }
-  return bad == 0;
 }
 
 Status validate_header(std::span<const std::byte> block, std::string_view where) {

@@ -76,7 +76,7 @@ void sync_directory(const std::filesystem::path& path) {
 
 const char* name(IoPurpose purpose) {
   static constexpr const char* kNames[kIoPurposeCount] = {"scene", "pages", "attributes", "textures",
-                                                          "paths", "hits",  "film",       "pack"};
+                                                          "volumes", "paths", "hits",  "film",       "pack"};
   return kNames[static_cast<size_t>(purpose)];
 }
 

@@ -21,7 +21,7 @@
 
 namespace spillway::cache {
 
-enum class IoPurpose : uint8_t { scene, pages, attributes, textures, paths, hits, film, pack, count };
+enum class IoPurpose : uint8_t { scene, pages, attributes, textures, volumes, paths, hits, film, pack, count };
 inline constexpr int kIoPurposeCount = static_cast<int>(IoPurpose::count);
 [[nodiscard]] const char* name(IoPurpose purpose);
 

@@ -4,6 +4,7 @@
 #include <cstring>
 #include <vector>
 
+#include "cache/base/all_finite.h"
 #include "cache/base/hash.h"
 
 namespace spillway::cache {
@@ -96,8 +97,7 @@ Status check_header(std::span<const std::byte> page, std::string_view where) {
 
 Status check_leaves(const TracePageView& page, std::string_view where) {
   for (uint32_t i = 0; i < page.header->leaf_count; ++i) {
-    const float* v = &page.leaves[i].vertex[0][0][0];
-    if (!std::all_of(v, v + 36, [](float x) { return std::isfinite(x); }))
+    if (!all_finite(&page.leaves[i].vertex[0][0][0], 36))
       return error("{}: leaf {} has a vertex that is not finite; the file is damaged", where, i);
   }
   return {};

@@ -23,6 +23,12 @@ target_include_directories(spillway::imath SYSTEM INTERFACE ${SPILLWAY_imath_INC
 spillway_library(openimageio OpenImageIO/imagecache.h OpenImageIO OpenImageIO_Util)
 target_link_libraries(spillway::openimageio INTERFACE spillway::imath)
 spillway_library(opensubdiv opensubdiv/far/primvarRefiner.h osdCPU)
+# OpenVDB's headers need Boost's; its half type is Imath's. Used by the program that decodes volumes alone.
+spillway_library(openvdb openvdb/openvdb.h openvdb)
+find_path(SPILLWAY_boost_INCLUDE boost/version.hpp REQUIRED)
+find_path(SPILLWAY_nanovdb_INCLUDE nanovdb/NanoVDB.h REQUIRED)
+target_include_directories(spillway::openvdb SYSTEM INTERFACE ${SPILLWAY_boost_INCLUDE} ${SPILLWAY_nanovdb_INCLUDE})
+target_link_libraries(spillway::openvdb INTERFACE spillway::tbb spillway::imath)
 spillway_library(zlib zlib.h z)
 spillway_library(lz4 lz4.h lz4)
 spillway_library(zstd zstd.h zstd)

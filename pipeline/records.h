@@ -6,15 +6,24 @@
 #include <cstdint>
 #include <type_traits>
 
+#include "cache/base/ids.h"
 #include "cache/base/vec.h"
 #include "cache/ray.h"
 
 namespace spillway::pipeline {
 
+// What a ray is in: a medium's number, or nothing. It shares a word with the sample, of which there are 2^20 at most.
+inline constexpr uint32_t kMediumBits = 12;
+inline constexpr uint32_t kNoMedium = (1u << kMediumBits) - 1;
+
+// Instead of a prim: the ray ended in a medium. Behind all prims in the order of hits.
+inline constexpr uint32_t kMediumPrim = PrimId::kNone - 1;
+
 // The journey of a path so far, beside its TraceRay. Written by generate_rays and shade_hits, read by route_rays.
 struct PathRecord {
   uint32_t sink;             // y * full_width + x
-  uint32_t sample;           // half = sample & 1
+  uint32_t sample : 32 - kMediumBits;  // half = sample & 1
+  uint32_t medium : kMediumBits = kNoMedium;
   uint16_t bounce;           // scattering events so far, as pbrt counts depth
   uint16_t normal_previous;  // of the receiver below, as selection used it (shading::LightReceiver); 0: it used none
   float pdf_previous;        // solid angle, of the direction; 0 after a camera or a delta: next-event estimation had no part
@@ -22,20 +31,22 @@ struct PathRecord {
   float cone_width;          // world units at the ray's origin
   float cone_spread;         // growth of the width per unit length
   float eta_scale;           // product of squared relative indices over the exposure, for Russian roulette
-  Float3 position_previous;  // receiver of the next-event estimation that competes with this ray, not offset
+  Float3 position_previous;  // receiver of the next-event estimation that competes with this ray, not offset;
+                             // of a hit in a medium: the place of the hit, which is the next receiver
 };
 static_assert(sizeof(PathRecord) == 52);
 
 // What a shadow ray brings when it arrives. Written by shade_hits, read by route_rays.
 struct ShadowRecord {
   uint32_t sink;
-  uint32_t sample;
+  uint32_t sample : 32 - kMediumBits;
+  uint32_t medium : kMediumBits = kNoMedium;
   uint32_t bounce;  // of the hit that sent it
   Rgb contribution;
 };
 static_assert(sizeof(ShadowRecord) == 24);
 
-// A surface to be shaded, ordered by (material, mesh, face, place on the face). Written by route_rays, read by shade_hits.
+// A surface, or a place in a medium, to be shaded, ordered by (material, mesh, face, place on the face). Written by route_rays, read by shade_hits.
 struct HitRecord {
   cache::TraceHit hit;
   Float3 direction_world;

@@ -9,6 +9,7 @@
 #include "cache/base/motion.h"
 #include "cache/base/vec.h"
 #include "cache/texture_cache.h"
+#include "pipeline/medium.h"
 #include "shading/camera.h"
 #include "shading/light.h"
 #include "shading/sampler.h"
@@ -112,6 +113,8 @@ enum MeshFlag : uint32_t {
   kMeshFlipNormals = 1,   // reverse orientation xor a mirroring transform
   kMeshHasNormals = 2,
   kMeshHasUvs = 4,
+  kMeshDividesMedia = 8,  // medium_inside and medium_outside count: rays that cross it change their medium
+  kMeshIsInterface = 16,  // it does nothing else: not a surface
 };
 
 struct Mesh {
@@ -122,7 +125,8 @@ struct Mesh {
   uint32_t light_base = LightId::kNone;  // emitter of face 0, when the mesh emits; faces follow
   uint32_t alpha_texture = TextureId::kNone;  // or none: opaque
   uint32_t flags;       // MeshFlag
-  uint32_t reserved;
+  uint16_t medium_inside = static_cast<uint16_t>(kNoMedium);  // where the normal does not point
+  uint16_t medium_outside = static_cast<uint16_t>(kNoMedium);
 };
 static_assert(sizeof(Mesh) == 32);
 
@@ -159,7 +163,7 @@ struct RenderSettings {
   uint32_t samples_per_pixel = 16;
   uint32_t max_depth = 5;      // bounces, as pbrt counts
   uint32_t seed = 0;
-  uint32_t regularize = 0;
+  uint32_t camera_medium = kNoMedium;  // that the camera is in
   shading::SamplerKind sampler = shading::SamplerKind::sobol;
   LightSelection light_selection = LightSelection::tree;
 };
@@ -199,13 +203,22 @@ struct ContentChecksums {
   uint64_t trace_pages = 0, attributes = 0;
 };
 
+// How the subdivision surfaces of the scene were diced.
+struct DicingRecord {
+  uint64_t cage_count;      // once for each level of detail
+  uint64_t triangle_count;
+  float edge_length_px;
+  uint32_t reserved;
+};
+
 // Files of a store (a directory).
 inline constexpr const char* kManifestFile = "manifest.spw";
 inline constexpr const char* kTracePagesFile = "pages.trace";
 inline constexpr const char* kAttributesFile = "attributes.blocks";
+inline constexpr const char* kVolumesFile = "volumes.bricks";
 inline constexpr const char* kTexturesDirectory = "textures";
 inline constexpr const char* kStoreKind = "SPWSTORE";
-inline constexpr uint32_t kStoreVersion = 9;
+inline constexpr uint32_t kStoreVersion = 10;
 
 // Section names of the manifest. Arrays of the struct named.
 namespace section {
@@ -232,8 +245,15 @@ inline constexpr const char* kTreeObjects = "tree_objects";     // cache::PageOb
 inline constexpr const char* kInstances = "instances";          // cache::Instance
 inline constexpr const char* kMotions = "motions";              // Motion: of instances and the camera
 inline constexpr const char* kAttributes = "attributes";        // AttributeLocation
+inline constexpr const char* kDicing = "dicing";                // DicingRecord[1]; absent without cages
 inline constexpr const char* kCameraPath = "camera_path";       // FrameCamera, by ascending frame; may be empty
 inline constexpr const char* kContent = "content";              // ContentChecksums[1]
+inline constexpr const char* kMedia = "media";                  // Medium
+inline constexpr const char* kBlackBodies = "black_bodies";     // Rgb, kBlackBodyEntries or none
+inline constexpr const char* kVolumeGrids = "volume_grids";     // cache::VolumeGrid
+inline constexpr const char* kVolumeEntries = "volume_entries";  // uint32: a brick, or none
+inline constexpr const char* kVolumeCells = "volume_cells";     // float: the largest value of a cell
+inline constexpr const char* kVolumeBricks = "volume_bricks";   // cache::VolumeBrickLocation
 inline constexpr const char* kNames = "names";                  // char: lines "mesh 3 models/a.ply", "material 2 Floor", ...
 }  // namespace section
 

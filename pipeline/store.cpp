@@ -46,7 +46,14 @@ Result<StoreTables> read_tables(const cache::SectionReader& reader) {
   SPILLWAY_TRY(read_table(reader, section::kAttributes, MemoryTag::scene, t.attributes));
   SPILLWAY_TRY(read_table(reader, section::kCameraPath, MemoryTag::scene, t.camera_path));
   SPILLWAY_TRY(read_table(reader, section::kContent, MemoryTag::scene, t.content));
+  SPILLWAY_TRY(read_table(reader, section::kMedia, MemoryTag::scene, t.media));
+  SPILLWAY_TRY(read_table(reader, section::kBlackBodies, MemoryTag::scene, t.black_bodies));
+  SPILLWAY_TRY(read_table(reader, section::kVolumeGrids, MemoryTag::scene, t.volume_grids));
+  SPILLWAY_TRY(read_table(reader, section::kVolumeEntries, MemoryTag::scene, t.volume_entries));
+  SPILLWAY_TRY(read_table(reader, section::kVolumeCells, MemoryTag::scene, t.volume_cells));
+  SPILLWAY_TRY(read_table(reader, section::kVolumeBricks, MemoryTag::scene, t.volume_bricks));
   SPILLWAY_TRY(read_table(reader, section::kSources, MemoryTag::scene, t.sources));
+  if (reader.has(section::kDicing)) SPILLWAY_TRY(read_table(reader, section::kDicing, MemoryTag::scene, t.dicing));
   return t;
 }
 

@@ -49,8 +49,19 @@ struct StoreTables {
   Buffer<AttributeLocation> attributes;
   Buffer<FrameCamera> camera_path;
   Buffer<ContentChecksums> content;  // one
+  Buffer<Medium> media;
+  Buffer<Rgb> black_bodies;
+  Buffer<cache::VolumeGrid> volume_grids;
+  Buffer<uint32_t> volume_entries;
+  Buffer<float> volume_cells;
+  Buffer<cache::VolumeBrickLocation> volume_bricks;
   Buffer<char> sources;
+  Buffer<DicingRecord> dicing;  // one, or none
 };
+
+[[nodiscard]] inline cache::VolumeTables volume_tables(const StoreTables& t) {
+  return {t.volume_grids, t.volume_entries, t.volume_cells, t.volume_bricks};
+}
 
 // The sphere around the scene's box by which distant and infinite lights are measured; radius 1 for an empty scene.
 struct SceneSphere {
@@ -66,6 +77,7 @@ class Store {
   [[nodiscard]] const std::filesystem::path& directory() const { return directory_; }
   [[nodiscard]] std::filesystem::path trace_pages_path() const { return directory_ / kTracePagesFile; }
   [[nodiscard]] std::filesystem::path attributes_path() const { return directory_ / kAttributesFile; }
+  [[nodiscard]] std::filesystem::path volumes_path() const { return directory_ / kVolumesFile; }
   [[nodiscard]] std::filesystem::path textures_path() const { return directory_ / kTexturesDirectory; }
 
   [[nodiscard]] const SceneSettings& settings() const { return tables_.settings[0]; }
@@ -89,6 +101,13 @@ class Store {
   // Views into this store, which must outlive them.
   [[nodiscard]] cache::PageTree page_tree() const;
   [[nodiscard]] shading::LightTable light_table() const;
+
+  // Null when the scene has no subdivision surfaces.
+  [[nodiscard]] const DicingRecord* dicing() const { return tables_.dicing.empty() ? nullptr : tables_.dicing.data(); }
+
+  [[nodiscard]] MediumTables medium_tables() const {
+    return {tables_.media, volume_tables(tables_), tables_.black_bodies};
+  }
 
   // prim must be one of the scene's.
   [[nodiscard]] MeshId mesh_of(PrimId prim) const;

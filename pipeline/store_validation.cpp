@@ -50,6 +50,24 @@ bool is_identity(const Affine3& t) {
 
 bool is_texture(uint32_t texture, size_t count) { return texture == TextureId::kNone || texture < count; }
 
+Status validate_media(const StoreTables& t, std::string_view where) {
+  bool has_temperature = false;
+  for (size_t i = 0; i < t.media.size(); ++i) {
+    const Medium& medium = t.media[i];
+    SPILLWAY_TRY(check_medium(medium, t.volume_grids.size(), fmt::format("{}: section '{}', item {}", where, section::kMedia, i)));
+    if (!is_finite_transform(medium.density_from_world) || !is_finite_transform(medium.glow_from_world))
+      return damaged(where, section::kMedia, i, "its transforms are not finite");
+    has_temperature = has_temperature || medium.glow_kind == GlowKind::temperature;
+  }
+  if (t.media.size() > kMaxMedia) return damaged(where, section::kMedia, kMaxMedia, "too many");
+  if (t.black_bodies.size() != kBlackBodyEntries && (has_temperature || !t.black_bodies.empty()))
+    return damaged(where, section::kBlackBodies, 0, "{} colours instead of {}", t.black_bodies.size(), kBlackBodyEntries);
+  const uint32_t camera = t.settings[0].render.camera_medium;
+  if (camera != kNoMedium && camera >= t.media.size())
+    return damaged(where, section::kSettings, 0, "the camera is in medium {} of {}", camera, t.media.size());
+  return cache::validate_volume_tables(volume_tables(t), where);
+}
+
 Status validate_meshes(const StoreTables& t, std::string_view where) {
   uint64_t next_prim = 0, next_light = 0;
   for (size_t i = 0; i < t.meshes.size(); ++i) {
@@ -63,7 +81,13 @@ Status validate_meshes(const StoreTables& t, std::string_view where) {
       return damaged(where, section::kMeshes, i, "object {} of {}", mesh.object, t.tree_objects.size());
     if (!is_texture(mesh.alpha_texture, t.textures.size()))
       return damaged(where, section::kMeshes, i, "alpha texture {} of {}", mesh.alpha_texture, t.textures.size());
-    if ((mesh.flags & ~(kMeshFlipNormals | kMeshHasNormals | kMeshHasUvs)) != 0 || mesh.reserved != 0)
+    const bool divides = (mesh.flags & kMeshDividesMedia) != 0;
+    for (const uint32_t medium : {mesh.medium_inside, mesh.medium_outside})
+      if (medium != kNoMedium && (!divides || medium >= t.media.size()))
+        return damaged(where, section::kMeshes, i, "medium {} of {}", medium, t.media.size());
+    if ((mesh.flags & kMeshIsInterface) != 0 && !divides)
+      return damaged(where, section::kMeshes, i, "an interface that divides nothing");
+    if ((mesh.flags & ~(kMeshFlipNormals | kMeshHasNormals | kMeshHasUvs | kMeshDividesMedia | kMeshIsInterface)) != 0)
       return damaged(where, section::kMeshes, i, "unknown flags {:#x}", mesh.flags);
     next_prim += mesh.face_count;
     if (mesh.light_base == LightId::kNone) continue;
@@ -421,11 +445,29 @@ Status check_material(const Material& material, size_t index, size_t texture_cou
   return {};
 }
 
+Status check_medium(const Medium& m, size_t volume_count, std::string_view where) {
+  for (const auto& [what, value] : {std::pair("sigma_a", m.sigma_a), {"sigma_s", m.sigma_s}, {"emission", m.glow}})
+    if (!is_finite(value) || value.r < 0 || value.g < 0 || value.b < 0)
+      return error("{}: its {} is ({}, {}, {}); it must be finite and not negative", where, what, value.r, value.g, value.b);
+  if (!(m.g > -1 && m.g < 1)) return error("{}: its g is {}; it must lie between -1 and 1", where, m.g);
+  if (!std::isfinite(m.kelvin_scale) || !std::isfinite(m.kelvin_offset))
+    return error("{}: its temperatures are scaled by {} and offset by {}", where, m.kelvin_scale, m.kelvin_offset);
+  if (m.kind > MediumKind::grid || m.glow_kind > GlowKind::temperature)
+    return error("{}: is of an unknown kind", where);
+  if ((m.kind == MediumKind::grid) != (m.density_volume < volume_count))
+    return error("{}: its density is volume {} of {}", where, m.density_volume, volume_count);
+  const bool needs_glow = m.glow_kind == GlowKind::scaled || m.glow_kind == GlowKind::temperature;
+  if (needs_glow != (m.glow_volume < volume_count) || (needs_glow && m.kind != MediumKind::grid))
+    return error("{}: its emission is volume {} of {}", where, m.glow_volume, volume_count);
+  return {};
+}
+
 Status validate_tables(const StoreTables& t, std::string_view where) {
   if (t.settings.size() != 1) return damaged(where, section::kSettings, 0, "{} settings", t.settings.size());
   SPILLWAY_TRY(check_settings(t.settings[0], fmt::format("{}: section '{}'", where, section::kSettings)));
   SPILLWAY_TRY(check_camera_path(t.camera_path, t.settings[0], fmt::format("{}: section '{}'", where, section::kCameraPath)));
   if (t.content.size() != 1) return damaged(where, section::kContent, 0, "{} checksums of contents", t.content.size());
+  if (t.dicing.size() > 1) return damaged(where, section::kDicing, 1, "{} records of dicing", t.dicing.size());
   SPILLWAY_TRY(validate_images(t, where));
   TextureCosts texture_costs;
   for (size_t i = 0; i < t.textures.size(); ++i) {
@@ -446,6 +488,7 @@ Status validate_tables(const StoreTables& t, std::string_view where) {
   SPILLWAY_TRY(validate_instances(t, where));
   SPILLWAY_TRY(validate_tree(t, where));
   SPILLWAY_TRY(validate_light_trees(t, where));
+  SPILLWAY_TRY(validate_media(t, where));
   const Bounds3& world = t.settings[0].statistics.bounds_world;
   const Bounds3& object = t.tree_objects[0].bounds_object;
   const bool empty = t.tree_objects[0].root == cache::kNoChild;
@@ -461,6 +504,10 @@ Status validate_files(const StoreTables& t, const std::filesystem::path& directo
       t.attributes.empty() ? 0 : t.attributes.end()[-1].offset_bytes + t.attributes.end()[-1].size_bytes;
   SPILLWAY_TRY(check_file(directory / kTracePagesFile, page_bytes));
   SPILLWAY_TRY(check_file(directory / kAttributesFile, attribute_bytes));
+  if (!t.volume_bricks.empty()) {
+    const cache::VolumeBrickLocation& last = t.volume_bricks.end()[-1];
+    SPILLWAY_TRY(check_file(directory / kVolumesFile, last.offset_bytes + last.size_bytes));
+  }
   for (const cache::ImageInfo& image : t.images)
     SPILLWAY_TRY(check_file(directory / kTexturesDirectory / image.file_name, 1));
   for (const cache::FaceContainerInfo& container : t.face_containers)

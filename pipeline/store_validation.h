@@ -43,5 +43,7 @@ class TextureCosts {
   std::vector<uint32_t> costs_;
 };
 Status check_material(const Material& material, size_t index, size_t texture_count, std::string_view where);
+// Numbers that are finite and in their ranges; volumes that are there.
+Status check_medium(const Medium& medium, size_t volume_count, std::string_view where);
 
 }  // namespace spillway::pipeline

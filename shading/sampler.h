@@ -11,7 +11,7 @@
 namespace spillway::shading {
 
 // Streams keep unrelated uses apart (camera paths now; light paths, baking later).
-enum class SampleStream : uint32_t { camera_paths = 0, decisions = 1 };
+enum class SampleStream : uint32_t { camera_paths = 0, decisions = 1, media = 2 };
 
 enum class SamplerKind : uint32_t { sobol, independent };  // independent: to measure the other by
 

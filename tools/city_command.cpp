@@ -10,6 +10,7 @@
 #include "tools/city/manifest.h"
 #include "tools/city/pbrt_sink.h"
 #include "tools/commands.h"
+#include "tools/open_scene.h"
 #include "tools/sizes.h"
 #include "tools/write_text.h"
 
@@ -25,6 +26,7 @@ struct CityArguments {
   fs::path output;
   std::string format = "pbrt", terrain = "full", memory, frames, geometry, textures;
   uint64_t street_lights = 0, trees = 0, cars = 0;
+  float edge_length_px = pipeline::DiceOptions{}.edge_length_px;
   uint32_t threads = 0;
   bool dry_run = false, quiet = false;
 };
@@ -40,8 +42,10 @@ Result<std::unique_ptr<pipeline::SceneSink>> make_sink(const CityArguments& a) {
     return std::unique_ptr<pipeline::SceneSink>(std::move(sink));
   }
   pipeline::PackOptions pack;
+  pack.dice.edge_length_px = a.edge_length_px;
   if (!a.memory.empty()) {
-    SPILLWAY_ASSIGN(pack.memory_limit_bytes, parse_bytes(a.memory));
+    SPILLWAY_ASSIGN(const uint64_t bytes, parse_bytes(a.memory));
+    SPILLWAY_ASSIGN(pack.memory_limit_bytes, pack_limit_bytes(bytes));
   }
   SPILLWAY_ASSIGN(auto packer, pipeline::ScenePacker::create(a.output / "city.store", pack));
   return std::unique_ptr<pipeline::SceneSink>(std::move(packer));
@@ -68,6 +72,8 @@ Status write_city(const CityArguments& a, const City& plan) {
   SPILLWAY_ASSIGN(const auto sink, make_sink(a));
   SPILLWAY_TRY(plan.emit(*sink, a.output / "sky.exr"));
   SPILLWAY_TRY(sink->finish());
+  if (const auto* packer = dynamic_cast<const pipeline::ScenePacker*>(sink.get()); packer && !a.quiet)
+    fmt::print(stderr, "{}", report_table(packer->report()));
   return write_text(a.output / "manifest.json", city::manifest_json(plan, a.city));
 }
 
@@ -157,6 +163,7 @@ void add_city_command(CLI::App& app, int& exit_code) {
   command->add_option("--format", a.format, "pbrt: text and PLY; store: packed [pbrt]")
       ->check(CLI::IsMember({"pbrt", "store"}));
   command->add_flag("--tessellate", a.city.tessellate, "domes, cars and trees as triangles: text that pbrt-v4 reads");
+  command->add_option("--edge-length-px", a.edge_length_px, "longest edge of what is round, on the picture [4]");
   command->add_option("--memory", a.memory, "limit for packing, such as 2GiB");
   command->add_option("--threads", a.threads, "[all cores]")->check(CLI::Range(1u, 1024u));
   command->add_flag("--dry-run", a.dry_run, "plan and count only; print the manifest");

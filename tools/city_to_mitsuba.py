@@ -164,6 +164,8 @@ class Converter:
             matrix = ' '.join('%.9g' % v for v in self.transform)
             self.body.append('<shape type="instance"><ref id="%s"/><transform name="to_world"><matrix value="%s"/></transform></shape>'
                              % (plain[0], matrix))
+        elif name == 'Shape' and plain[0] != 'plymesh':
+            sys.exit('city_to_mitsuba: %s has shapes "%s": generate it with --tessellate' % (self.folder, plain[0]))
         elif name == 'Shape':
             (self.body if self.group is None else self.group).append(self.shape(p['filename']))
         elif name == 'LightSource':

@@ -12,7 +12,7 @@ cmake --build --preset release --target spillway -- --quiet
 
 mkdir -p "$out"
 build/spillway city -o "$out/city" --buildings 2000 --time dusk --format store --memory 512MiB
-build/spillway render "$out/city/city.store" -o "$out/city.exr" --resolution 960x540 --spp 32 --memory 384MiB \
+build/spillway render "$out/city/city.store" -o "$out/city.exr" --resolution 960x540 --spp 32 --memory 512MiB \
   --report "$out/report.json"
 oiiotool "$out/city.exr" --ch R,G,B --tocolorspace sRGB -d uint8 -o "$out/city.png"
 

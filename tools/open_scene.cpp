@@ -34,6 +34,11 @@ std::filesystem::path store_directory(const OpenSceneOptions& options) {
   return access(folder.c_str(), W_OK) == 0 && has_write_bit(folder) ? store : store.filename();
 }
 
+// A store without diced surfaces is as good for any length; without a wish, any length is.
+bool is_diced_so(const Store& store, const OpenSceneOptions& options) {
+  return options.edge_length_px == 0 || store.dicing() == nullptr || store.dicing()->edge_length_px == options.edge_length_px;
+}
+
 void tell_warnings(const ImportReport& report, bool quiet) {
   if (quiet) return;
   for (const std::string& warning : report.warnings) fmt::print(stderr, "spillway: warning: {}\n", warning);
@@ -41,17 +46,22 @@ void tell_warnings(const ImportReport& report, bool quiet) {
 
 }  // namespace
 
+Result<uint64_t> pack_limit_bytes(uint64_t process_bytes) {
+  const uint64_t floor = pipeline::memory_floor_bytes() + kSlackBytes;
+  if (process_bytes <= floor)
+    return error("--memory {}: packing needs {} before anything is loaded; raise it", pipeline::bytes_text(process_bytes),
+                 pipeline::bytes_text(floor));
+  return process_bytes - floor;
+}
+
 Result<pipeline::PackReport> pack_scene(const OpenSceneOptions& options) {
   pipeline::PackOptions pack;
   pack.source_files = {options.scene};
   if (options.memory_bytes != 0) {
-    const uint64_t floor = pipeline::memory_floor_bytes() + kSlackBytes;
-    if (options.memory_bytes <= floor)
-      return error("--memory {}: packing needs {} before anything is loaded; raise it", pipeline::bytes_text(options.memory_bytes),
-                   pipeline::bytes_text(floor));
-    pack.memory_limit_bytes = options.memory_bytes - floor;
+    SPILLWAY_ASSIGN(pack.memory_limit_bytes, pack_limit_bytes(options.memory_bytes));
   }
   if (options.edge_length_px > 0) pack.dice.edge_length_px = options.edge_length_px;
+  pack.dice.cache_directory = options.dice_cache;
   SPILLWAY_ASSIGN(auto packer, pipeline::ScenePacker::create(store_directory(options), pack));
   ImportReport report;
   const Status imported = import_pbrt(options.scene, *packer, {.lenient = options.lenient}, report);
@@ -68,7 +78,7 @@ Result<Store> open_scene(const OpenSceneOptions& options) {
   const std::filesystem::path directory = store_directory(options);
   if (!options.repack) {
     auto existing = Store::open(directory);
-    if (existing && existing->is_current(std::vector{options.scene})) return existing;
+    if (existing && existing->is_current(std::vector{options.scene}) && is_diced_so(*existing, options)) return existing;
   }
   SPILLWAY_ASSIGN([[maybe_unused]] const pipeline::PackReport report, pack_scene(options));
   return Store::open(directory);

@@ -33,6 +33,7 @@ void add_pack_command(CLI::App& app, int& exit_code) {
   command->add_option("--report", arguments->report, "write what each step cost as JSON");
   command->add_option("--edge-length-px", arguments->scene.edge_length_px, "longest edge of diced surfaces on the picture [4]")
       ->check(CLI::PositiveNumber);
+  command->add_option("--dice-cache", arguments->scene.dice_cache, "directory that keeps diced surfaces for the next packing [none]");
   command->add_flag("--lenient", arguments->scene.lenient, "warn about what can be ignored instead of refusing");
   command->add_flag("-q,--quiet", arguments->scene.quiet, "errors only");
   command->callback([arguments, &exit_code] {

@@ -225,6 +225,7 @@ void add_scene_options(CLI::App& command, OpenSceneOptions& scene, std::string& 
   command.add_option("--memory", memory, "limit of the whole process, such as 2GiB [none]");
   command.add_option("--edge-length-px", scene.edge_length_px, "longest edge of diced surfaces on the picture, when packing [4]")
       ->check(CLI::PositiveNumber);
+  command.add_option("--dice-cache", scene.dice_cache, "directory that keeps diced surfaces for the next packing [none]");
   command.add_flag("--lenient", scene.lenient, "warn about what can be ignored instead of refusing");
   command.add_flag("--repack", scene.repack, "pack even when the store is current");
   command.add_flag("-q,--quiet", scene.quiet, "errors only");

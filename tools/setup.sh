@@ -4,8 +4,9 @@
 set -eu
 
 packages="cmake ninja-build g++ ccache python3
-  libembree-dev libopenimageio-dev openimageio-tools libopenexr-dev libosd-dev libopenvdb-dev libtbb-dev libboost-dev
-  libcli11-dev nlohmann-json3-dev libfmt-dev libxxhash-dev zlib1g-dev liblz4-dev libzstd-dev libgtest-dev libgmock-dev libbenchmark-dev"
+  libembree-dev libopenimageio-dev openimageio-tools libopenexr-dev libosd-dev libopenvdb-dev libnanovdb-dev
+  libtbb-dev libboost-dev libcli11-dev nlohmann-json3-dev libfmt-dev libxxhash-dev zlib1g-dev liblz4-dev libzstd-dev
+  libgtest-dev libgmock-dev libbenchmark-dev"
 
 missing=""
 for package in $packages; do

@@ -20,6 +20,7 @@ enum class MemoryTag : uint8_t {
   pages,       // trace parts, resident or in flight
   attributes,  // attribute blocks, resident or in flight
   textures,    // the tile cache, and what its library holds beside it
+  volumes,     // bricks, resident or in flight, and runs of segments through them
   rays,        // trace columns, results and orders of a wave
   paths,       // cold path and shadow records
   hits,        // hit records and their sort

@@ -136,4 +136,6 @@ Result<std::vector<std::byte>> bake_micromap(const Float2 uv[3], uint32_t alpha_
   return bake_image(uv, AlphaImage(node, image_infos[node.image], *images));
 }
 
+std::vector<std::byte> unknown_micromap() { return uniform(Opacity::unknown); }
+
 }  // namespace spillway::pipeline

@@ -22,4 +22,7 @@ Result<std::vector<std::byte>> bake_micromap(const Float2 uv[3], uint32_t alpha_
                                              std::span<const cache::ImageInfo> image_infos,
                                              cache::TextureCache* images);
 
+// Of a triangle that never stops a ray, but must be told of it: an interface between media.
+[[nodiscard]] std::vector<std::byte> unknown_micromap();
+
 }  // namespace spillway::pipeline

@@ -14,16 +14,7 @@ constexpr uint64_t kTrianglesPerPiece = 1 << 16;  // a few megabytes
 
 Float3 rounded(const Double3& v) { return {static_cast<float>(v.x), static_cast<float>(v.y), static_cast<float>(v.z)}; }
 
-// Zero where the surface has no tangent plane.
-Float3 unit_normal(const LimitPoint& at) {
-  const Double3 &a = at.du, &b = at.dv;
-  const Double3 n{a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
-  const double size = std::sqrt(n.x * n.x + n.y * n.y + n.z * n.z);
-  const double tangents = std::sqrt((a.x * a.x + a.y * a.y + a.z * a.z) * (b.x * b.x + b.y * b.y + b.z * b.z));
-  // Below this a direction is made of roundings.
-  if (!(size > 1e-10 * tangents) || !std::isfinite(size)) return {0, 0, 0};
-  return rounded({n.x / size, n.y / size, n.z / size});
-}
+Float3 unit_or_zero(Float3 v) { return length_squared(v) > 0 ? normalize(v) : v; }
 
 }  // namespace
 
@@ -54,6 +45,10 @@ uint32_t CageDicer::spoke_rate(uint32_t face) const {
   return most;
 }
 
+uint32_t CageDicer::side_pieces(uint32_t corner) const {
+  return is_quad(topology_.face[corner]) ? rate(corner) : rate(corner) / 2;
+}
+
 QuadRates CageDicer::quad_rates(uint32_t face, uint32_t quad) const {
   const uint32_t corner = cage_.first_corner[face] + quad;
   if (is_quad(face)) return {{rate(corner), rate(corner + 1), rate(corner + 2), rate(corner + 3)}};
@@ -61,8 +56,10 @@ QuadRates CageDicer::quad_rates(uint32_t face, uint32_t quad) const {
   return {{rate(corner) / 2, spoke, spoke, rate(previous(corner)) / 2}};
 }
 
-Result<std::unique_ptr<CageDicer>> CageDicer::create(const SubdivisionCage& cage, const EdgePieces& edge_pieces) {
+Result<std::unique_ptr<CageDicer>> CageDicer::create(const SubdivisionCage& cage, const EdgePieces& edge_pieces,
+                                                     HeightsAt heights) {
   std::unique_ptr<CageDicer> dicer(new CageDicer(cage));
+  dicer->heights_ = std::move(heights);
   SPILLWAY_ASSIGN(dicer->topology_, cage_topology(cage));
   const LimitSurface first_look(cage, dicer->topology_, 1);
   dicer->find_owners(first_look);
@@ -153,6 +150,9 @@ void CageDicer::number_points() {
   edge_looks_.resize(looks);
   vertex_points_.resize(cage_.positions.size());
   wedge_looks_.resize(topology_.wedge_count);
+  if (!heights_) return;
+  vertex_heights_.resize(vertex_points_.size()), edge_heights_.resize(points);
+  wedge_normals_.resize(wedge_looks_.size()), edge_normals_.resize(looks);
 }
 
 void CageDicer::evaluate_shared() {
@@ -161,19 +161,29 @@ void CageDicer::evaluate_shared() {
   surface_ = std::make_unique<LimitSurface>(cage_, topology_, static_cast<uint32_t>(std::countr_zero(most)));
   number_points();
   for_each_face(*surface_, [&](const LimitFace& face, uint32_t f) { evaluate_face(face, f); });
+  if (heights_) raise_shared();
 }
 
-CageDicer::Sample CageDicer::sample(const LimitFace& face, QuadPlace place) const {
-  const LimitPoint at = face.at(place);
-  Sample sample{rounded(at.p), {unit_normal(at), {static_cast<float>(at.uv[0]), static_cast<float>(at.uv[1])}}};
-  constexpr Float3 kZero{0, 0, 0};
-  if (sample.look.normal == kZero) {  // as a little further inside; upwards where all is one point
-    const QuadPlace inside{place.quad, place.u + (0.5 - place.u) / 64, place.v + (0.5 - place.v) / 64};
-    sample.look.normal = unit_normal(face.at(inside));
-    if (sample.look.normal == kZero) sample.look.normal = {0, 0, 1};
-  }
-  if (cage_.surface.flip_normals) sample.look.normal = -sample.look.normal;
-  return sample;
+// Each point along the mean of the normals that wedges have there, in the order of their corners.
+void CageDicer::raise_shared() {
+  std::vector<Float3> sums(vertex_points_.size(), Float3{0, 0, 0});
+  for (uint32_t c = 0; c < cage_.indices.size(); ++c)
+    if (wedge_owner_[topology_.wedge[c]] == c) sums[cage_.indices[c]] += wedge_normals_[topology_.wedge[c]];
+  for (size_t v = 0; v < sums.size(); ++v) vertex_points_[v] += unit_or_zero(sums[v]) * vertex_heights_[v];
+  for (size_t e = 0; e < rate_.size(); ++e)
+    for (uint64_t i = 0; i + 1 < rate_[e]; ++i) {
+      const Float3 sum = edge_normals_[first_look_[2 * e] + i] + edge_normals_[first_look_[2 * e + 1] + i];
+      edge_points_[first_point_[e] + i] += unit_or_zero(sum) * edge_heights_[first_point_[e] + i];
+    }
+  vertex_heights_ = {}, edge_heights_ = {}, wedge_normals_ = {}, edge_normals_ = {};
+}
+
+SurfaceSample CageDicer::sample(const LimitFace& face, QuadPlace place, uint32_t pieces) const {
+  return heights_ ? displaced_sample(face, place, 0.5 / pieces, heights_) : surface_sample(face, place);
+}
+
+CageDicer::Look CageDicer::look(const SurfaceSample& sample) const {
+  return {cage_.surface.flip_normals ? -sample.normal : sample.normal, sample.uv};
 }
 
 void CageDicer::evaluate_face(const LimitFace& face, uint32_t f) {
@@ -181,9 +191,11 @@ void CageDicer::evaluate_face(const LimitFace& face, uint32_t f) {
     const uint32_t vertex = cage_.indices[c], wedge = topology_.wedge[c];
     const bool owns_vertex = vertex_owner_[vertex] == c, owns_wedge = wedge_owner_[wedge] == c;
     if (owns_vertex || owns_wedge) {
-      const Sample at = sample(face, face.on_edge(c - cage_.first_corner[f], 0));
+      const SurfaceSample at = sample(face, face.on_edge(c - cage_.first_corner[f], 0), side_pieces(c));
       if (owns_vertex) vertex_points_[vertex] = at.position;
-      if (owns_wedge) wedge_looks_[wedge] = at.look;
+      if (owns_vertex && heights_) vertex_heights_[vertex] = at.height;
+      if (owns_wedge) wedge_looks_[wedge] = look(at);
+      if (owns_wedge && heights_) wedge_normals_[wedge] = at.normal_limit;
     }
     evaluate_edge(face, c);
   }
@@ -195,10 +207,13 @@ void CageDicer::evaluate_edge(const LimitFace& face, uint32_t corner) {
   if (!owns_looks) return;
   const uint32_t backwards = side(corner);
   for (uint32_t i = 1; i < rate_[e]; ++i) {
-    const uint32_t along = backwards ? rate_[e] - i : i;
-    const Sample at = sample(face, face.on_edge(k, static_cast<double>(i) / rate_[e]));
-    if (owns_points) edge_points_[first_point_[e] + along - 1] = at.position;
-    edge_looks_[first_look_[2 * e + backwards] + along - 1] = at.look;
+    const uint64_t along = (backwards ? rate_[e] - i : i) - 1;
+    const uint64_t point = first_point_[e] + along, look_at = first_look_[2 * e + backwards] + along;
+    const SurfaceSample at = sample(face, face.on_edge(k, static_cast<double>(i) / rate_[e]), side_pieces(corner));
+    if (owns_points) edge_points_[point] = at.position;
+    if (owns_points && heights_) edge_heights_[point] = at.height;
+    edge_looks_[look_at] = look(at);
+    if (heights_) edge_normals_[look_at] = at.normal_limit;
   }
 }
 
@@ -216,7 +231,7 @@ class PieceMaker {
   }
 
  private:
-  using Sample = CageDicer::Sample;
+  using Look = CageDicer::Look;
 
   void add_face(uint32_t f) {
     face_.set(f);
@@ -235,17 +250,23 @@ class PieceMaker {
     }
   }
 
-  uint32_t add(const Sample& sample) {
-    piece_.positions.push_back(sample.position);
-    piece_.normals.push_back(sample.look.normal);
-    if (!dicer_.cage_.uvs.empty()) piece_.uvs.push_back(sample.look.uv);
+  uint32_t add(Float3 position, const Look& look) {
+    piece_.positions.push_back(position);
+    piece_.normals.push_back(look.normal);
+    if (!dicer_.cage_.uvs.empty()) piece_.uvs.push_back(look.uv);
     return static_cast<uint32_t>(piece_.positions.size()) - 1;
+  }
+
+  // A point that no other face has.
+  uint32_t add_own(QuadPlace place, uint32_t pieces) {
+    const SurfaceSample at = dicer_.sample(face_, place, pieces);
+    return add(at.displaced(), dicer_.look(at));
   }
 
   uint32_t wedge_point(uint32_t corner) {
     const uint32_t wedge = dicer_.topology_.wedge[corner];
     const auto [at, is_new] = wedges_.try_emplace(wedge, 0);
-    if (is_new) at->second = add({dicer_.vertex_points_[dicer_.cage_.indices[corner]], dicer_.wedge_looks_[wedge]});
+    if (is_new) at->second = add(dicer_.vertex_points_[dicer_.cage_.indices[corner]], dicer_.wedge_looks_[wedge]);
     return at->second;
   }
 
@@ -258,16 +279,16 @@ class PieceMaker {
     const uint64_t looks = dicer_.first_look_[2 * e + side], points = dicer_.first_point_[e];
     const auto [at, is_new] = edges_.try_emplace(looks, static_cast<uint32_t>(piece_.positions.size()));
     if (is_new)
-      for (uint32_t n = 0; n + 1 < rate; ++n) add({dicer_.edge_points_[points + n], dicer_.edge_looks_[looks + n]});
+      for (uint32_t n = 0; n + 1 < rate; ++n) add(dicer_.edge_points_[points + n], dicer_.edge_looks_[looks + n]);
     return at->second + (side ? rate - i : i) - 1;
   }
 
   // The centre, and what lies between it and the middles of the edges.
   void add_spokes(uint32_t rate) {
-    centre_ = add(dicer_.sample(face_, {0, 1, 1}));
+    centre_ = add_own({0, 1, 1}, rate);
     spokes_ = static_cast<uint32_t>(piece_.positions.size());
     for (uint32_t quad = 0; quad < count_; ++quad)
-      for (uint32_t i = 1; i < rate; ++i) add(dicer_.sample(face_, {quad, 1, static_cast<double>(i) / rate}));
+      for (uint32_t i = 1; i < rate; ++i) add_own({quad, 1, static_cast<double>(i) / rate}, rate);
   }
 
   // Point i of the spoke from the middle of edge k.
@@ -301,7 +322,8 @@ class PieceMaker {
     for (uint32_t j = 1; j < rates.v(); ++j)
       for (uint32_t i = 1; i < rates.u(); ++i)
         grid_[rates.grid_index(i, j)] =
-            add(dicer_.sample(face_, {quad, static_cast<double>(i) / rates.u(), static_cast<double>(j) / rates.v()}));
+            add_own({quad, static_cast<double>(i) / rates.u(), static_cast<double>(j) / rates.v()},
+                    std::max(rates.u(), rates.v()));
     const size_t before = piece_.indices.size();
     dice_quad(rates, piece_.indices);
     for (size_t i = before; i < piece_.indices.size(); ++i) piece_.indices[i] = grid_[piece_.indices[i]];

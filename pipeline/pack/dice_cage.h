@@ -4,8 +4,9 @@
 //
 // Vertices and edges of the cage are evaluated first, once, in the face of lowest number that has them, and kept; then
 // each face evaluates what is inside it. Neighbours take shared points from what is kept: equal to the bit, whatever piece
-// they are in. Normals and uvs are shared likewise inside a wedge (see subdivision_cage.h).
-// Memory: 32 bytes a point of vertices and edges; a piece, 32 bytes a point and 12 a triangle.
+// they are in. Normals and uvs are shared likewise inside a wedge (see subdivision_cage.h). With heights, each point moves
+// along its normal; a shared one by its owner's height, along the mean of the normals that its wedges have there.
+// Memory: 32 bytes a point of vertices and edges, displaced 48; a piece, 32 bytes a point and 12 a triangle.
 // Threads: pieces may be made by any number of threads at once.
 // Order: results depend on the cage and the numbers of pieces alone.
 
@@ -16,6 +17,7 @@
 #include "pipeline/pack/dice_grid.h"
 #include "pipeline/pack/limit_surface.h"
 #include "pipeline/pack/subdivision_cage.h"
+#include "pipeline/pack/surface_sample.h"
 
 namespace spillway::pipeline {
 
@@ -30,10 +32,12 @@ struct DicedPiece {
 
 class CageDicer {
  public:
-  // The cage must outlive it.
-  static Result<std::unique_ptr<CageDicer>> create(const SubdivisionCage& cage, const EdgePieces& edge_pieces);
+  // The cage must outlive it. heights: empty when nothing is displaced; called from any thread.
+  static Result<std::unique_ptr<CageDicer>> create(const SubdivisionCage& cage, const EdgePieces& edge_pieces,
+                                                   HeightsAt heights = {});
 
   [[nodiscard]] uint64_t triangle_count() const { return triangle_count_; }
+  [[nodiscard]] std::span<const uint32_t> rates() const { return rate_; }  // pieces of each edge of the topology
   // Evaluates what pieces share; to be called once, before them.
   void evaluate_shared();
   [[nodiscard]] size_t piece_count() const { return piece_begin_.size() - 1; }
@@ -46,10 +50,6 @@ class CageDicer {
     Float3 normal;
     Float2 uv;
   };
-  struct Sample {
-    Float3 position;
-    Look look;
-  };
 
   explicit CageDicer(const SubdivisionCage& cage) : cage_(cage) {}
   template <class Body>
@@ -60,13 +60,17 @@ class CageDicer {
   void number_points();
   void evaluate_face(const LimitFace& face, uint32_t f);
   void evaluate_edge(const LimitFace& face, uint32_t corner);
-  [[nodiscard]] Sample sample(const LimitFace& face, QuadPlace place) const;
+  void raise_shared();
+  // `pieces`: of the quad's side, near the place.
+  [[nodiscard]] SurfaceSample sample(const LimitFace& face, QuadPlace place, uint32_t pieces) const;
+  [[nodiscard]] Look look(const SurfaceSample& sample) const;
 
   [[nodiscard]] uint32_t next(uint32_t corner) const;
   [[nodiscard]] uint32_t previous(uint32_t corner) const;
   [[nodiscard]] bool is_quad(uint32_t face) const { return cage_.corner_count(face) == 4; }
   [[nodiscard]] uint32_t quad_count(uint32_t face) const { return is_quad(face) ? 1 : cage_.corner_count(face); }
   [[nodiscard]] uint32_t rate(uint32_t corner) const { return rate_[topology_.edge[corner]]; }
+  [[nodiscard]] uint32_t side_pieces(uint32_t corner) const;  // of the quad at the corner, along the edge that leaves it
   [[nodiscard]] uint32_t spoke_rate(uint32_t face) const;  // from the middle of an edge to the centre
   [[nodiscard]] QuadRates quad_rates(uint32_t face, uint32_t quad) const;
   [[nodiscard]] bool owns_edge(uint32_t corner) const;
@@ -74,6 +78,7 @@ class CageDicer {
   [[nodiscard]] uint32_t side(uint32_t corner) const;
 
   const SubdivisionCage& cage_;
+  HeightsAt heights_;
   CageTopology topology_;
   std::unique_ptr<LimitSurface> surface_;
   std::vector<uint8_t> has_surface_;  // of each face
@@ -85,6 +90,9 @@ class CageDicer {
   std::vector<uint64_t> first_look_;
   std::vector<Float3> vertex_points_, edge_points_;
   std::vector<Look> wedge_looks_, edge_looks_;
+  // With heights, until points are raised: one a point, and the normals of what is not displaced, one a look.
+  std::vector<float> vertex_heights_, edge_heights_;
+  std::vector<Float3> wedge_normals_, edge_normals_;
   std::vector<uint32_t> piece_begin_;  // faces
   uint64_t triangle_count_ = 0;
 };

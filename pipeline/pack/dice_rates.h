@@ -7,6 +7,7 @@
 // casts shadows, and does not change when the camera turns.
 
 #include <cstdint>
+#include <filesystem>
 #include <span>
 #include <vector>
 
@@ -19,6 +20,8 @@ struct DiceOptions {
   float edge_length_px = 4;              // longest edge on the picture; half: four times the triangles
   uint32_t most_pieces = 256;            // of an edge, a power of two up to 1024: bounds what is close to a camera
   uint64_t most_triangles = 1ull << 28;  // of all cages
+  // Performance: the store's bytes do not differ. Where diced cages are kept between packings, by content; empty: nowhere.
+  std::filesystem::path cache_directory{};
   std::vector<shading::Camera> cameras{};  // the nearest counts; those of the scene's frames join them
 };
 Status check_dice_options(const DiceOptions& options);

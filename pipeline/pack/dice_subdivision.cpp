@@ -4,20 +4,25 @@
 
 #include <cmath>
 #include <map>
+#include <optional>
 
 #include "cache/base/memory.h"
 #include "cache/base/parallel_status.h"
+#include "pipeline/pack/dice_cache.h"
 #include "pipeline/pack/dice_cage.h"
 #include "pipeline/pack/spool_mesh.h"
 
 namespace spillway::pipeline {
 namespace {
 
-constexpr uint64_t kBatchBytes = 64 << 20;  // of cages that are prepared together
+// Of cages that are prepared together; with their topologies and edges some ten times as much, and for each the patches of
+// its irregular faces.
+constexpr uint64_t kBatchBytes = 8 << 20;
+constexpr uint64_t kPatchBytes = 64 << 10;
 
 // A cage for one object: `px_per_unit` on the picture, or by the place of each edge in the world.
 struct DiceJob {
-  const SubdivisionCage* cage;
+  const SpooledCage* cage;
   uint32_t object;
   double px_per_unit;  // 0: of the world
 };
@@ -34,8 +39,8 @@ class InstanceGroups {
     choose_details();
     move_instances();
     std::vector<DiceJob> jobs;
-    for (const SubdivisionCage& cage : diced_.cages) {
-      const uint32_t object = cage.surface.object;
+    for (const SpooledCage& cage : diced_.cages.cages()) {
+      const uint32_t object = cage.row.surface.object;
       if (object == 0) jobs.push_back({&cage, 0, 0});
       else
         for (const auto& [detail, variant] : variants_[object]) jobs.push_back({&cage, variant, std::ldexp(1.0, detail)});
@@ -48,8 +53,7 @@ class InstanceGroups {
     boxes_.resize(diced_.scene.object_count);
     has_triangles_.resize(diced_.scene.object_count, false);
     variants_.resize(diced_.scene.object_count);
-    for (const SubdivisionCage& cage : diced_.cages)
-      for (const Float3 p : cage.positions) boxes_[cage.surface.object].grow(p);
+    for (const SpooledCage& cage : diced_.cages.cages()) boxes_[cage.row.surface.object].grow(cage.bounds);
     for (const SpooledMesh& mesh : diced_.scene.meshes) has_triangles_[mesh.row.object] = true;
   }
 
@@ -59,10 +63,19 @@ class InstanceGroups {
       const cache::Instance& instance = diced_.instances[i];
       const Bounds3& box = boxes_[instance.object];
       if (box.empty()) continue;
-      details_[i] = detail_of_instance(view_, box, instance.world_from_object);
+      details_[i] = detail_of(instance, box);
       variants_[instance.object].try_emplace(details_[i], 0);
     }
     for (uint32_t object = 1; object < variants_.size(); ++object) number_variants(object);
+  }
+
+  // What moves is looked at where its way begins, in the middle, and where it ends.
+  [[nodiscard]] int detail_of(const cache::Instance& instance, const Bounds3& box) const {
+    int detail = detail_of_instance(view_, box, instance.world_from_object);
+    if (instance.motion == 0) return detail;
+    for (const float time : {0.5f, 1.0f})
+      detail = std::max(detail, detail_of_instance(view_, box, transform_at(diced_.motions[instance.motion - 1], time)));
+    return detail;
   }
 
   // The first detail stays in the object itself, unless its triangles serve other details too.
@@ -114,6 +127,20 @@ EdgePieces edge_pieces(const DiceJob& job, const DiceView& view, const DiceOptio
   };
 }
 
+// Smaller ones are diced sooner than a file is opened.
+constexpr uint64_t kLeastCachedTriangles = 4096;
+
+// A job at work: its triangles come from the dicer or from the cache.
+struct ActiveJob {
+  SubdivisionCage cage;
+  std::unique_ptr<CageDicer> dicer;
+  std::unique_ptr<CachedPieces> cached;
+  std::optional<DiceKey> key;         // under which the cache will want it
+  std::optional<PieceWriter> writer;  // from the first piece to the last: one at a time is open
+
+  [[nodiscard]] Result<DicedPiece> piece(size_t index) const { return cached ? cached->piece(index) : dicer->piece(index); }
+};
+
 // A piece of a job of the batch.
 struct PieceOf {
   size_t job, piece;
@@ -124,50 +151,94 @@ class Dicing {
   Dicing(const DicedScene& diced, const DiceView& view, const DiceOptions& options, uint32_t max_faces_per_chunk)
       : diced_(diced), view_(view), options_(options), max_faces_per_chunk_(max_faces_per_chunk) {}
 
+  Status open_cache() {
+    if (options_.cache_directory.empty()) return {};
+    SPILLWAY_ASSIGN(cache_, DiceCache::open(options_.cache_directory));
+    return {};
+  }
+
   // Jobs whose cages are about kBatchBytes.
   Status dice(std::span<const DiceJob> jobs) {
-    std::vector<std::unique_ptr<CageDicer>> dicers(jobs.size());
+    std::vector<ActiveJob> active(jobs.size());
+    for (size_t i = 0; i < jobs.size(); ++i) {
+      SPILLWAY_ASSIGN(active[i].cage, diced_.cages.read(*jobs[i].cage));
+    }
     SPILLWAY_TRY(parallel_status(jobs.size(), [&](size_t i) -> Status {
-      SPILLWAY_ASSIGN(dicers[i], CageDicer::create(*jobs[i].cage, edge_pieces(jobs[i], view_, options_)));
+      const HeightsAt heights = diced_.displacement.heights(active[i].cage);
+      SPILLWAY_ASSIGN(active[i].dicer, CageDicer::create(active[i].cage, edge_pieces(jobs[i], view_, options_), heights));
       return {};
     }));
-    for (size_t i = 0; i < jobs.size(); ++i) SPILLWAY_TRY(count(*jobs[i].cage, dicers[i]->triangle_count()));
-    tbb::parallel_for(size_t{0}, jobs.size(), [&](size_t i) { dicers[i]->evaluate_shared(); });
+    for (size_t i = 0; i < jobs.size(); ++i) SPILLWAY_TRY(count(active[i].cage, active[i].dicer->triangle_count()));
+    SPILLWAY_TRY(parallel_status(jobs.size(), [&](size_t i) {
+      const Status looked_up = look_up(active[i]);
+      if (looked_up && !active[i].cached) active[i].dicer->evaluate_shared();
+      return looked_up;
+    }));
     std::vector<PieceOf> pieces;
     for (size_t i = 0; i < jobs.size(); ++i)
-      for (size_t p = 0; p < dicers[i]->piece_count(); ++p) pieces.push_back({i, p});
-    return dice_pieces(jobs, dicers, pieces);
+      for (size_t p = 0; p < active[i].dicer->piece_count(); ++p) pieces.push_back({i, p});
+    for (const ActiveJob& job : active)
+      if (job.cached) ++report_.cached_cage_count, report_.cached_triangle_count += job.dicer->triangle_count();
+    return dice_pieces(jobs, active, pieces);
   }
+
+  [[nodiscard]] const DiceReport& report() const { return report_; }
 
  private:
   Status count(const SubdivisionCage& cage, uint64_t triangles) {
-    triangle_count_ += triangles;
-    if (triangle_count_ <= options_.most_triangles) return {};
+    ++report_.cage_count, report_.triangle_count += triangles;
+    if (report_.triangle_count <= options_.most_triangles) return {};
     return error("{}: asks for {} triangles, with the cages before it {}; {} are allowed: use longer edges",
-                 cage.surface.name, triangles, triangle_count_, options_.most_triangles);
+                 cage.surface.name, triangles, report_.triangle_count, options_.most_triangles);
   }
 
-  Status dice_pieces(std::span<const DiceJob> jobs, const std::vector<std::unique_ptr<CageDicer>>& dicers,
-                     std::span<const PieceOf> pieces) {
+  Status look_up(ActiveJob& job) const {
+    if (!cache_ || job.dicer->triangle_count() < kLeastCachedTriangles) return {};
+    const DiceKey key = dice_key(job.cage, job.dicer->rates(), diced_.displacement.key(job.cage));
+    SPILLWAY_ASSIGN(job.cached, cache_->find(key, job.dicer->piece_count()));
+    if (job.cached) return {};
+    job.key = key;
+    return {};
+  }
+
+  Status dice_pieces(std::span<const DiceJob> jobs, std::vector<ActiveJob>& active, std::span<const PieceOf> pieces) {
     const size_t window = 2 * static_cast<size_t>(tbb::this_task_arena::max_concurrency());
     std::vector<DicedPiece> made(window);
     SpooledMesh mesh;
     for (size_t first = 0; first < pieces.size(); first += window) {
       const size_t count = std::min(window, pieces.size() - first);
-      tbb::parallel_for(size_t{0}, count, [&](size_t i) {
-        made[i] = dicers[pieces[first + i].job]->piece(pieces[first + i].piece);
-      });
+      SPILLWAY_TRY(parallel_status(count, [&](size_t i) -> Status {
+        const auto [job, piece] = pieces[first + i];
+        SPILLWAY_ASSIGN(made[i], active[job].piece(piece));
+        return {};
+      }));
+      SPILLWAY_TRY(diced_.displacement.status());
       for (size_t i = 0; i < count; ++i) {
         const auto [job, piece] = pieces[first + i];
         SPILLWAY_TRY(spool(jobs[job], made[i], mesh));
-        if (piece + 1 == dicers[job]->piece_count()) end_mesh(mesh);
+        if (active[job].key) SPILLWAY_TRY(keep(active[job], piece, made[i]));
+        if (piece + 1 == active[job].dicer->piece_count()) SPILLWAY_TRY(end_job(active[job], mesh));
       }
     }
     return {};
   }
 
+  Status keep(ActiveJob& job, size_t index, const DicedPiece& piece) const {
+    if (index == 0) {
+      SPILLWAY_ASSIGN(job.writer, cache_->create(*job.key, job.dicer->piece_count()));
+    }
+    return job.writer->append(piece);
+  }
+
+  Status end_job(ActiveJob& job, SpooledMesh& mesh) {
+    end_mesh(mesh);
+    if (job.writer) SPILLWAY_TRY(job.writer->commit());
+    job = {};
+    return {};
+  }
+
   Status spool(const DiceJob& job, const DicedPiece& piece, SpooledMesh& mesh) {
-    MeshInput input = job.cage->surface;
+    MeshInput input = job.cage->row.surface;
     input.object = job.object;
     input.positions = piece.positions, input.normals = piece.normals, input.uvs = piece.uvs;
     input.indices = piece.indices;
@@ -190,25 +261,27 @@ class Dicing {
   const DiceView& view_;
   const DiceOptions& options_;
   uint32_t max_faces_per_chunk_;
-  uint64_t triangle_count_ = 0;
+  std::optional<DiceCache> cache_;
+  DiceReport report_;
 };
 
 }  // namespace
 
-Status dice_subdivision(const DicedScene& diced, const DiceOptions& options, uint32_t max_faces_per_chunk) {
-  if (diced.cages.empty()) return {};
+Result<DiceReport> dice_subdivision(const DicedScene& diced, const DiceOptions& options, uint32_t max_faces_per_chunk) {
+  if (diced.cages.cages().empty()) return DiceReport{};
   const DiceView view(options.cameras);
   const std::vector<DiceJob> jobs = InstanceGroups(diced, view).make();
   Dicing dicing(diced, view, options, max_faces_per_chunk);
+  SPILLWAY_TRY(dicing.open_cache());
   for (size_t first = 0; first < jobs.size();) {
     uint64_t bytes = 0;
     size_t last = first;
-    while (last < jobs.size() && (last == first || bytes + jobs[last].cage->size_bytes() <= kBatchBytes))
-      bytes += jobs[last++].cage->size_bytes();
+    while (last < jobs.size() && (last == first || bytes + jobs[last].cage->size_bytes <= kBatchBytes))
+      bytes += jobs[last++].cage->size_bytes + kPatchBytes;
     SPILLWAY_TRY(dicing.dice(std::span(jobs).subspan(first, last - first)));
     first = last;
   }
-  return {};
+  return dicing.report();
 }
 
 }  // namespace spillway::pipeline

@@ -2,19 +2,18 @@
 
 #include <fcntl.h>
 #include <spawn.h>
-#include <sys/resource.h>
 #include <sys/socket.h>
 #include <sys/time.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
-#include <algorithm>
 #include <cerrno>
 #include <climits>
 #include <csignal>
 #include <cstring>
 #include <string>
 
+#include "pipeline/pack/child_process.h"
 #include "pipeline/pack/pack_image.h"
 
 namespace spillway::pipeline {
@@ -63,24 +62,8 @@ bool receive_all(int socket, T& message) {
   return true;
 }
 
-void limit(__rlimit_resource_t resource, uint64_t value) {
-  rlimit wanted{};
-  getrlimit(resource, &wanted);
-  wanted.rlim_cur = std::min<uint64_t>(value, wanted.rlim_max);
-  setrlimit(resource, &wanted);
-}
-
-uint64_t processor_seconds_used() {
-  rusage used{};
-  getrusage(RUSAGE_SELF, &used);
-  return static_cast<uint64_t>(used.ru_utime.tv_sec + used.ru_stime.tv_sec);
-}
-
 Answer answer(const Request& request) {
-#ifndef __SANITIZE_ADDRESS__  // whose shadow takes terabytes of addresses
-  limit(RLIMIT_AS, request.memory_limit_bytes);
-#endif
-  limit(RLIMIT_CPU, processor_seconds_used() + request.time_limit_seconds + 1);
+  limit_this_process(request.memory_limit_bytes, request.time_limit_seconds);
   Answer answer;
   std::string message;
   try {
@@ -95,19 +78,10 @@ Answer answer(const Request& request) {
   return answer;
 }
 
-Result<std::filesystem::path> decoder_program() {
-  std::error_code code;
-  const auto program = std::filesystem::read_symlink("/proc/self/exe", code).parent_path() / "spillway_decode_image";
-  if (code) return error("where this program is cannot be told: {}", code.message());
-  if (!std::filesystem::exists(program, code))
-    return error("{}: is missing; it decodes images, and belongs beside the program", program.string());
-  return program;
-}
-
 }  // namespace
 
 Status ImageDecoder::start() {
-  SPILLWAY_ASSIGN(const std::filesystem::path program, decoder_program());
+  SPILLWAY_ASSIGN(const std::filesystem::path program, program_beside("spillway_decode_image"));
   int ends[2];
   if (socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, ends) != 0)
     return error("no socket for {}: {}", program.string(), std::strerror(errno));
@@ -171,7 +145,7 @@ Result<cache::ImageInfo> ImageDecoder::pack(const std::filesystem::path& source,
 }
 
 void serve_image_decoder(int socket) {
-  limit(RLIMIT_CORE, 0);
+  forbid_core_dumps();
   Request request;
   while (receive_all(socket, request))
     if (!send_all(socket, answer(request))) return;

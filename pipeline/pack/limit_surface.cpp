@@ -93,23 +93,40 @@ Refiner make_refiner(const SubdivisionCage& cage) {
   return Refiner(RefinerFactory::Create(descriptor, RefinerFactory::Options(Sdc::SCHEME_CATMARK, scheme_options(cage))));
 }
 
-// Semi-sharp features are exact where subdivision has worn them off; darts that stay sharp converge by a half a level.
-// More levels than ten do not fit into OpenSubdiv's patch parameters.
-constexpr uint32_t kDartLevels = 10;
+// More do not fit into OpenSubdiv's patch parameters.
+constexpr uint32_t kMostLevels = 10;
 
 SurfaceFactory::Options factory_options(const SubdivisionCage& cage, const CageTopology& topology, uint32_t levels) {
-  uint32_t smooth = topology.has_sharp_dart && levels > 1 ? kDartLevels : levels, sharp = smooth;
+  // Semi-sharp features are exact where subdivision has worn them off.
+  uint32_t sharp = levels;
   const auto wear_off = [&](float sharpness) {
     if (sharpness < kSharpForEver) sharp = std::max(sharp, static_cast<uint32_t>(std::ceil(sharpness)));
   };
   for (const SharpEdge& e : cage.sharp_edges) wear_off(e.sharpness);
   for (const SharpVertex& v : cage.sharp_vertices) wear_off(v.sharpness);
   SurfaceFactory::Options options;
-  options.SetApproxLevelSmooth(static_cast<int>(smooth)).SetApproxLevelSharp(static_cast<int>(sharp));
+  options.SetApproxLevelSmooth(static_cast<int>(levels)).SetApproxLevelSharp(static_cast<int>(sharp));
   // OpenSubdiv below 3.6.1 mixes up the points of such neighbourhoods when faces share them (its issue 1353).
   if (!cage.uvs.empty()) options.SetDefaultFVarID(0);
   options.EnableCaching(!topology.has_interior_pair);
   return options;
+}
+
+// The points that a patch is evaluated from: what the cage has, and what follows from it.
+void gather(const Bfr::Surface<double>& surface, const float* values, int size, std::vector<double>& points) {
+  points.resize(static_cast<size_t>(size) * static_cast<size_t>(surface.GetNumPatchPoints()));
+  surface.GatherControlPoints(values, size, points.data(), size);
+  surface.ComputePatchPoints(points.data(), size);
+}
+
+// Of a sequence whose steps shrink by one ratio.
+Double3 limit_of(const Double3& a, const Double3& b, const Double3& c) {
+  const Double3 d{b.x - a.x, b.y - a.y, b.z - a.z}, e{c.x - b.x, c.y - b.y, c.z - b.z};
+  const double squares = d.x * d.x + d.y * d.y + d.z * d.z;
+  const double ratio = squares > 0 ? (d.x * e.x + d.y * e.y + d.z * e.z) / squares : 0;
+  if (!(ratio > 0 && ratio < 0.9)) return c;
+  const double rest = ratio / (1 - ratio);
+  return {c.x + rest * e.x, c.y + rest * e.y, c.z + rest * e.z};
 }
 
 }  // namespace
@@ -118,11 +135,17 @@ SurfaceFactory::Options factory_options(const SubdivisionCage& cage, const CageT
 
 struct LimitSurface::Impl {
   const SubdivisionCage& cage;
+  const CageTopology& topology;
   Refiner refiner;
   SurfaceFactory factory;
+  std::vector<std::unique_ptr<SurfaceFactory>> dart_factories;  // three of ascending levels, when there are darts
 
-  Impl(const SubdivisionCage& c, const CageTopology& topology, uint32_t levels)
-      : cage(c), refiner(make_refiner(c)), factory(*refiner, factory_options(c, topology, levels)) {}
+  Impl(const SubdivisionCage& c, const CageTopology& t, uint32_t levels)
+      : cage(c), topology(t), refiner(make_refiner(c)), factory(*refiner, factory_options(c, t, levels)) {
+    if (topology.is_sharp_dart.empty() || levels == 1) return;
+    for (const uint32_t l : {kMostLevels - 2, kMostLevels - 1, kMostLevels})
+      dart_factories.push_back(std::make_unique<SurfaceFactory>(*refiner, factory_options(c, t, l)));
+  }
 };
 
 LimitSurface::LimitSurface(const SubdivisionCage& cage, const CageTopology& topology, uint32_t levels)
@@ -135,6 +158,28 @@ struct LimitFace::Impl {
   Bfr::Surface<double> positions{}, uvs{};
   Bfr::Parameterization parameters{};
   std::vector<double> position_points{}, uv_points{};
+  uint32_t first_corner = 0;
+  Bfr::Surface<double> dart{};
+  std::vector<double> dart_points{};
+
+  // Whether the place is a vertex of the cage that is a dart.
+  [[nodiscard]] bool is_dart(QuadPlace at) const {
+    if (surface.dart_factories.empty() || (at.u != 0 && at.u != 1) || (at.v != 0 && at.v != 1)) return false;
+    uint32_t k = at.quad;
+    if (corner_count == 4) k = at.v == 0 ? (at.u == 0 ? 0 : 1) : (at.u == 0 ? 3 : 2);
+    else if (at.u != 0 || at.v != 0) return false;
+    return surface.topology.is_sharp_dart[surface.cage.indices[first_corner + k]];
+  }
+  [[nodiscard]] Double3 dart_position(const double (&uv)[2]) {
+    Double3 p[3];
+    for (size_t i = 0; i < 3; ++i) {
+      const auto face = static_cast<int>(surface.topology.face[first_corner]);
+      SPILLWAY_CHECK(surface.dart_factories[i]->InitVertexSurface(face, &dart), ==, true);
+      gather(dart, &surface.cage.positions[0].x, 3, dart_points);
+      dart.Evaluate(uv, dart_points.data(), 3, &p[i].x);
+    }
+    return limit_of(p[0], p[1], p[2]);
+  }
 
   // The library's coordinates of a place, and how far they run over its quad.
   struct Coordinates {
@@ -155,17 +200,6 @@ LimitFace::~LimitFace() = default;
 
 bool LimitSurface::has_face(uint32_t face) const { return impl_->factory.FaceHasLimitSurface(static_cast<int>(face)); }
 
-namespace {
-
-// The points that a patch is evaluated from: what the cage has, and what follows from it.
-void gather(const Bfr::Surface<double>& surface, const float* values, int size, std::vector<double>& points) {
-  points.resize(static_cast<size_t>(size) * static_cast<size_t>(surface.GetNumPatchPoints()));
-  surface.GatherControlPoints(values, size, points.data(), size);
-  surface.ComputePatchPoints(points.data(), size);
-}
-
-}  // namespace
-
 void LimitFace::set(uint32_t face) {
   const LimitSurface::Impl& surface = impl_->surface;
   const SubdivisionCage& cage = surface.cage;
@@ -174,7 +208,7 @@ void LimitFace::set(uint32_t face) {
   const bool is_set = cage.uvs.empty() ? surface.factory.InitVertexSurface(f, &impl_->positions)
                                        : surface.factory.InitSurfaces(f, &impl_->positions, &impl_->uvs);
   SPILLWAY_CHECK(is_set, ==, true);
-  impl_->corner_count = cage.corner_count(face);
+  impl_->corner_count = cage.corner_count(face), impl_->first_corner = cage.first_corner[face];
   impl_->parameters = impl_->positions.GetParameterization();
   gather(impl_->positions, &cage.positions[0].x, 3, impl_->position_points);
   if (cage.uvs.empty()) return;
@@ -186,6 +220,7 @@ LimitPoint LimitFace::at(QuadPlace place) const {
   LimitPoint point{};
   impl_->positions.Evaluate(at.uv, impl_->position_points.data(), 3, &point.p.x, &point.du.x, &point.dv.x);
   for (Double3* d : {&point.du, &point.dv}) d->x *= at.size, d->y *= at.size, d->z *= at.size;
+  if (impl_->is_dart(place)) point.p = impl_->dart_position(at.uv);
   if (!impl_->surface.cage.uvs.empty()) impl_->uvs.Evaluate(at.uv, impl_->uv_points.data(), 2, point.uv);
   return point;
 }

@@ -7,7 +7,8 @@
 // (0, 1). Over a quad, (u, v) runs from 0 to 1; du x dv points outwards.
 // At multiples of 2^-levels a position is that of OpenSubdiv's limit masks after as many subdivisions, to the roundings of
 // doubles; elsewhere an approximation, closer with more levels. Where one edge that is sharp for ever ends inside the
-// surface (a dart), the mask itself is an approximation: its error halves with each level.
+// surface (a dart), the mask itself is an approximation, whose error about halves with each level: there the limit of
+// three levels is taken (Aitken's).
 // Memory: the topology, and patches of irregular faces (about 40 KB a kind of neighbourhood).
 // Threads: one LimitSurface may have any number of LimitFaces at once, each of one thread.
 
@@ -35,7 +36,7 @@ struct LimitPoint {
 
 class LimitSurface {
  public:
-  // Both must outlive it. levels: 1 (a first look, darts as they come) to 10.
+  // Both must outlive it. levels: 1 (a first look: darts as they come) to 10.
   LimitSurface(const SubdivisionCage& cage, const CageTopology& topology, uint32_t levels);
   ~LimitSurface();
 

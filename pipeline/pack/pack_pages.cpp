@@ -12,6 +12,7 @@
 #include "cache/base/parallel.h"
 #include "cache/base/parallel_status.h"
 #include "pipeline/pack/cluster_pages.h"
+#include "pipeline/pack/bake_micromap.h"
 #include "pipeline/pack/triangle_sets.h"
 
 namespace spillway::pipeline {
@@ -39,12 +40,13 @@ void face_uvs(const cache::AttributeSegmentData& data, const uint16_t* corner, F
   for (int k = 0; k < 3; ++k) uv[k] = data.uvs.empty() ? kCorners[k] : data.uvs[corner[k]];
 }
 
-// Which chunk a triangle came from, for the few that have alpha.
+// Which chunk a triangle came from, for the few that have alpha or are interfaces.
 class AlphaBaker {
  public:
   AlphaBaker(const SpooledScene& scene, const BakeMicromap& bake) : scene_(scene), bake_(bake) {
-    has_alpha_ = std::any_of(scene.meshes.begin(), scene.meshes.end(),
-                             [](const SpooledMesh& mesh) { return mesh.row.alpha_texture != TextureId::kNone; });
+    has_alpha_ = std::any_of(scene.meshes.begin(), scene.meshes.end(), [](const SpooledMesh& mesh) {
+      return mesh.row.alpha_texture != TextureId::kNone || (mesh.row.flags & kMeshIsInterface) != 0;
+    });
   }
 
   [[nodiscard]] uint64_t bytes_per_triangle() const { return has_alpha_ ? kMicromapBytes : 0; }
@@ -57,8 +59,12 @@ class AlphaBaker {
       const PlacedChunk& placed = chunk_of(triangles[first].prim);
       size_t last = first + 1;
       while (last < triangles.size() && triangles[last].prim - placed.first_prim < placed.chunk.face_count) ++last;
-      const uint32_t texture = scene_.meshes[placed.mesh].row.alpha_texture;
-      if (texture != TextureId::kNone) {
+      const Mesh& mesh = scene_.meshes[placed.mesh].row;
+      const uint32_t texture = mesh.alpha_texture;
+      if (mesh.flags & kMeshIsInterface) {
+        micromaps.resize(triangles.size());
+        std::fill(&micromaps[first], &micromaps[first] + (last - first), unknown_micromap());
+      } else if (texture != TextureId::kNone) {
         micromaps.resize(triangles.size());
         SPILLWAY_TRY(bake_chunk(placed, texture, triangles.subspan(first, last - first), reader, &micromaps[first]));
       }

@@ -63,6 +63,10 @@ std::string report_json(const PackReport& r) {
                         {"sets", r.set_count},
                         {"passes", r.pass_count},
                         {"largest_set_triangles", r.largest_set_triangles},
+                        {"diced_cages", r.dice.cage_count},
+                        {"diced_triangles", r.dice.triangle_count},
+                        {"diced_cages_found", r.dice.cached_cage_count},
+                        {"diced_triangles_found", r.dice.cached_triangle_count},
                         {"pack_tag_peak_bytes", memory_use(MemoryTag::pack).peak_bytes},
                         {"resident_peak_bytes", resident_memory().peak_bytes}}
       .dump(1);
@@ -79,6 +83,9 @@ std::string report_table(const PackReport& r) {
                         r.seconds > 0 ? 100 * s.seconds / r.seconds : 0.0,
                         s.thread_seconds > 0 ? fmt::format("{:.2f}", s.thread_seconds) : "", bytes_text(s.read_bytes),
                         bytes_text(s.written_bytes));
+  if (r.dice.cage_count > 0)
+    text += fmt::format("  {} cages into {} triangles; of these {} into {} were diced before\n", r.dice.cage_count,
+                        r.dice.triangle_count, r.dice.cached_cage_count, r.dice.cached_triangle_count);
   return text + fmt::format("  {} sets of at most {} triangles held, {} passes to cut them; {} resident at most\n",
                             r.set_count, r.largest_set_triangles, r.pass_count,
                             bytes_text(resident_memory().peak_bytes));

@@ -7,6 +7,8 @@
 #include <string>
 #include <vector>
 
+#include "pipeline/pack/dice_subdivision.h"
+
 namespace spillway::pipeline {
 
 struct PackStep {
@@ -23,6 +25,7 @@ struct PackReport {
   uint64_t set_count = 0;   // of triangles held at a time
   uint64_t pass_count = 0;  // over the triangles of objects that could not be held, to cut them
   uint64_t largest_set_triangles = 0;
+  DiceReport dice;
 
   PackStep& step(const std::string& name);
 };

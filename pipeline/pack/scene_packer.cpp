@@ -28,7 +28,7 @@ namespace fs = std::filesystem;
 
 // Whether this is a name that packing gives, possibly one left by a packing that was killed.
 bool is_name_of_ours(const std::string& name) {
-  for (const char* ours : {kManifestFile, kTracePagesFile, kAttributesFile})
+  for (const char* ours : {kManifestFile, kTracePagesFile, kAttributesFile, kVolumesFile})
     if (name == ours || (name.starts_with(std::string(ours) + ".") && name.ends_with(".tmp"))) return true;
   return name == kTexturesDirectory;
 }
@@ -78,6 +78,7 @@ struct ScenePacker::Packed {
   PackedPageTree tree;
   PackedLights lights;
   std::vector<Rgb> environment;
+  PackedMedia media;
   std::unique_ptr<cache::TextureCache> textures;  // of the images; null without any
 };
 
@@ -204,13 +205,39 @@ Status ScenePacker::add_environment(const shading::Light& light, ImageId image) 
   return {};
 }
 
+Result<uint32_t> ScenePacker::add_volume(const VolumeInput& volume) {
+  SPILLWAY_TRY(state_);
+  auto added = media_.add_volume(volume);
+  if (!added) return fail<uint32_t>(added.error());
+  if (!volume.file.empty()) add_source_file(volume.file);
+  return added;
+}
+
+Result<uint32_t> ScenePacker::add_medium(const MediumInput& medium) {
+  SPILLWAY_TRY(state_);
+  auto added = media_.add_medium(medium);
+  return added ? std::move(added) : fail<uint32_t>(added.error());
+}
+
+// Meshes have a material each; this one's is never asked for.
+Result<MaterialId> ScenePacker::interface_material() {
+  if (interface_material_.valid()) return interface_material_;
+  SPILLWAY_ASSIGN(interface_material_, add_material(Material{}, "interface"));
+  return interface_material_;
+}
+
 uint32_t ScenePacker::begin_object(std::string name) {
   object_names_.push_back(std::move(name));
   return scene_.object_count++;
 }
 
 Status ScenePacker::check_mesh(const MeshInput& mesh) const {
-  if (mesh.material.value >= materials_.size())
+  const bool is_interface = mesh.divides_media && !mesh.material.valid();
+  if (is_interface && mesh.emits) return error("{}: emits light, but has no material; give it one", mesh.name);
+  for (const uint32_t medium : {mesh.medium_inside, mesh.medium_outside})
+    if (mesh.divides_media && medium != kNoMedium && medium >= media_.medium_count())
+      return error("{}: divides medium {} of {}", mesh.name, medium, media_.medium_count());
+  if (!is_interface && mesh.material.value >= materials_.size())
     return error("{}: uses material {} of {}", mesh.name, mesh.material.value, materials_.size());
   if (mesh.alpha.valid() && mesh.alpha.value >= textures_.size())
     return error("{}: uses texture {} of {} as alpha", mesh.name, mesh.alpha.value, textures_.size());
@@ -272,26 +299,52 @@ Status ScenePacker::add_mesh(const MeshInput& given) {
   SPILLWAY_TRY(state_);
   MeshInput mesh = given;
   SPILLWAY_TRY(failed(check_mesh(mesh)));
+  if (mesh.divides_media && !mesh.material.valid()) {
+    MeshInput interface = mesh;
+    SPILLWAY_ASSIGN(interface.material, interface_material());
+    interface.alpha = {}, interface.faces = {};
+    return add_checked_mesh(interface, true);
+  }
   const std::vector<uint32_t> face_textures =
       face_textures_->size() == 0 ? std::vector<uint32_t>{} : face_textures_of(mesh);
   if (face_textures.empty()) mesh.faces = {};
   if (!face_textures.empty()) SPILLWAY_TRY(failed(check_faces(mesh, face_textures)));
+  return add_checked_mesh(mesh, false);
+}
+
+Status ScenePacker::add_checked_mesh(const MeshInput& mesh, bool is_interface) {
   auto spooled = spool_mesh(mesh, *spool_, options_.max_faces_per_attribute_block, degenerate_count_);
   if (!spooled) return failed(spooled.error());
+  if (is_interface) spooled->row.flags |= kMeshIsInterface;
   if (mesh.emits) dark_light_count_ += mesh.indices.size() / 3 - (spooled->emits ? spooled->row.face_count : 0);
   if (!spooled->chunks.empty()) scene_.meshes.push_back(std::move(*spooled));
+  return {};
+}
+
+Status ScenePacker::check_displacement(const SubdivisionInput& subdivision) const {
+  const TextureId texture = subdivision.displacement;
+  const std::string& name = subdivision.cage.name;
+  if (!texture.valid()) return {};
+  if (texture.value >= textures_.size())
+    return error("{}: is displaced by texture {} of {}", name, texture.value, textures_.size());
+  if (subdivision.cage.uvs.empty() && reads_uvs(textures_, texture.value))
+    return error("{}: is displaced by a texture of uvs, and has none", name);
+  if (!face_textures_in(textures_, texture.value).empty())
+    return error("{}: a face texture cannot displace it", name);
   return {};
 }
 
 Status ScenePacker::add_subdivision(const SubdivisionInput& subdivision) {
   SPILLWAY_TRY(state_);
   SPILLWAY_TRY(failed(check_mesh(subdivision.cage)));
+  SPILLWAY_TRY(failed(check_displacement(subdivision)));
+  if (!subdivision.cage.material.valid())
+    return failed(error("{}: a subdivided cage without a material is not possible; give it one", subdivision.cage.name));
   if (face_textures_->size() > 0 && !face_textures_of(subdivision.cage).empty())
     return failed(error("{}: a subdivision surface cannot have face textures yet", subdivision.cage.name));
   auto cage = make_cage(subdivision);
   if (!cage) return failed(cage.error());
-  cages_.push_back(std::move(*cage));
-  return {};
+  return failed(cages_.append(std::move(*cage), *scratch_));
 }
 
 Status ScenePacker::add_placed(uint32_t object, const Affine3& world_from_object, const Motion* motion) {
@@ -412,11 +465,21 @@ Status ScenePacker::check_emitters_stand_still() const {
   return {};
 }
 
-Status ScenePacker::dice_cages() {
+// Images come first: displacements look at them.
+Status ScenePacker::dice_cages(const Packed& packed) {
+  if (cages_.cages().empty()) return {};
+  const PackStepTimer timer(report_, "dice");
   for (const FrameCamera& frame : camera_path_) options_.dice.cameras.push_back(frame.camera);
   if (options_.dice.cameras.empty()) options_.dice.cameras = {settings_.camera};
-  const DicedScene diced{cages_, instances_, object_names_, scene_, *spool_, degenerate_count_};
-  SPILLWAY_TRY(dice_subdivision(diced, options_.dice, options_.max_faces_per_attribute_block));
+  if (const uint32_t motion = settings_.camera.motion; motion != 0 && camera_path_.empty())
+    for (const float time : {0.5f, 1.0f}) {
+      options_.dice.cameras.push_back(settings_.camera);
+      options_.dice.cameras.back().world_from_camera = transform_at(motions_[motion - 1], time);
+    }
+  SPILLWAY_TRY(cages_.seal());
+  const Displacement displacement(textures_, packed.images, packed.textures.get());
+  const DicedScene diced{cages_, instances_, motions_, object_names_, scene_, *spool_, degenerate_count_, displacement};
+  SPILLWAY_ASSIGN(report_.dice, dice_subdivision(diced, options_.dice, options_.max_faces_per_attribute_block));
   cages_ = {};
   return {};
 }
@@ -448,16 +511,20 @@ Status ScenePacker::write_store() {
   if (code) return error("{}: cannot be removed: {}", (directory_ / kManifestFile).string(), code.message());
   remove_temporaries(directory_);
 
-  SPILLWAY_TRY(dice_cages());
+  SPILLWAY_TRY(write_images(packed));
+  SPILLWAY_TRY(open_images(packed));
+  SPILLWAY_TRY(dice_cages(packed));
   SPILLWAY_TRY(spool_->seal());
   SPILLWAY_TRY(number_meshes());
   keep_instances_of_triangles();
   SPILLWAY_TRY(check_emitters_stand_still());
   SPILLWAY_TRY(check_disk());
-  SPILLWAY_TRY(write_images(packed));
   SPILLWAY_TRY(write_attributes(packed));
-  SPILLWAY_TRY(open_images(packed));
   SPILLWAY_TRY(write_pages(packed));
+  {
+    const PackStepTimer timer(report_, "volumes");
+    SPILLWAY_TRY(write_volumes(packed));
+  }
   {
     const PackStepTimer timer(report_, "lights");
     SPILLWAY_TRY(write_lights(packed));
@@ -538,6 +605,17 @@ double ScenePacker::seconds_since_creation() const {
   return std::chrono::duration<double>(std::chrono::steady_clock::now() - created_).count();
 }
 
+// A scene without volumes has no file of them.
+Status ScenePacker::write_volumes(Packed& packed) const {
+  const fs::path path = directory_ / kVolumesFile;
+  std::error_code code;
+  fs::remove(path, code);
+  if (media_.medium_count() == 0) return {};
+  SPILLWAY_ASSIGN(auto bricks, cache::WriteFile::create(path, cache::IoPurpose::pack));
+  SPILLWAY_ASSIGN(packed.media, media_.pack(bricks, path, {options_.volume_brick_voxels, options_.memory_limit_bytes}));
+  return media_.has_volumes() ? bricks.commit() : Status{};
+}
+
 SceneStatistics ScenePacker::statistics(const Packed& packed) const {
   std::vector<uint64_t> triangles(scene_.object_count, 0);
   for (const SpooledMesh& mesh : scene_.meshes) triangles[mesh.row.object] += mesh.row.face_count;
@@ -576,6 +654,12 @@ Status ScenePacker::write_manifest(const Packed& packed) {
   const auto add = [&](const char* name, const auto& items) {
     writer.add_view(name, std::as_bytes(std::span(items.data(), items.size())));
   };
+  add(section::kMedia, packed.media.media);
+  add(section::kBlackBodies, packed.media.black_bodies);
+  add(section::kVolumeGrids, packed.media.volumes.grids);
+  add(section::kVolumeEntries, packed.media.volumes.entries);
+  add(section::kVolumeCells, packed.media.volumes.cell_max);
+  add(section::kVolumeBricks, packed.media.volumes.bricks);
   writer.add(section::kSettings, std::as_bytes(std::span(&settings_, 1)));
   add(section::kMeshes, meshes);
   add(section::kMaterials, materials_);
@@ -603,13 +687,15 @@ Status ScenePacker::write_manifest(const Packed& packed) {
   writer.add(section::kContent, std::as_bytes(std::span(&packed.content, 1)));
   add(section::kNames, names);
   add(section::kSources, sources);
+  const DicingRecord dicing{report_.dice.cage_count, report_.dice.triangle_count, options_.dice.edge_length_px, 0};
+  if (dicing.cage_count > 0) writer.add(section::kDicing, std::as_bytes(std::span(&dicing, 1)));
   return writer.write(directory_ / kManifestFile);
 }
 
 void ScenePacker::remove_output() {
   if (!wrote_output_) return;
   std::error_code code;
-  for (const char* file : {kManifestFile, kTracePagesFile, kAttributesFile}) fs::remove(directory_ / file, code);
+  for (const char* file : {kManifestFile, kTracePagesFile, kAttributesFile, kVolumesFile}) fs::remove(directory_ / file, code);
   remove_packed_images(directory_ / kTexturesDirectory, {}, {});
   wrote_output_ = false;
 }

@@ -3,7 +3,7 @@
 // The scene sink that writes a store.
 //
 // Owns: the store directory while it packs; scratch files; tables of what was said so far.
-// Memory: tag pack. Meshes go to scratch at once and leave a row of some hundred bytes, cages stay; finish() holds as many
+// Memory: tag pack. Meshes go to scratch at once and leave a row of some hundred bytes, cages too; finish() holds as many
 //         triangles at a time as the limit allows beside those rows (40 bytes each).
 // Threads: one caller; finish() works on all threads of the current arena.
 // Fails: the first error is final: every later call returns it. A store that is already in the directory stays whole
@@ -19,17 +19,19 @@
 #include <vector>
 
 #include "cache/attribute_block.h"
+#include "cache/base/memory.h"
 #include "cache/file.h"
 #include "cache/trace_page.h"
 #include "pipeline/pack/build_trees.h"
+#include "pipeline/pack/cage_spool.h"
 #include "pipeline/pack/dice_rates.h"
 #include "pipeline/pack/mesh_spool.h"
 #include "pipeline/pack/pack_face_textures.h"
 #include "pipeline/pack/pack_images.h"
+#include "pipeline/pack/pack_media.h"
 #include "pipeline/pack/pack_page_tree.h"
 #include "pipeline/pack/pack_report.h"
 #include "pipeline/pack/scene_sink.h"
-#include "pipeline/pack/subdivision_cage.h"
 #include "pipeline/store_validation.h"
 
 namespace spillway::pipeline {
@@ -44,6 +46,7 @@ struct PackOptions {
   uint64_t max_face_container_bytes = 16ull << 30;  // larger: fewer files of face textures
   cache::FaceTexCodec face_texture_codec = cache::FaceTexCodec::lz4;  // zstd: smaller, slower to unpack
   uint32_t max_faces_per_attribute_block = cache::kMaxFacesPerAttributeBlock;  // larger: fewer, longer reads
+  int32_t volume_brick_voxels = 32;                 // 8, 16, 32 or 64; larger: fewer, longer reads
   // Performance: the store's bytes do not differ.
   uint64_t memory_limit_bytes = 2ull << 30;         // larger: fewer passes over the spooled meshes
   std::filesystem::path scratch{};                  // empty: the store directory; holds all triangles once
@@ -62,6 +65,9 @@ class ScenePacker final : public SceneSink {
   Result<MaterialId> add_material(const Material& material, std::string name) override;
   Status add_light(const shading::Light& light) override;
   Status add_environment(const shading::Light& light, ImageId image) override;
+  Result<uint32_t> add_volume(const VolumeInput& volume) override;
+  Result<uint32_t> add_medium(const MediumInput& medium) override;
+  void set_black_bodies(std::span<const Rgb> table) override { media_.set_black_bodies(table); }
   uint32_t begin_object(std::string name) override;
   Status add_mesh(const MeshInput& mesh) override;
   Status add_subdivision(const SubdivisionInput& subdivision) override;
@@ -87,10 +93,13 @@ class ScenePacker final : public SceneSink {
   Status check_mesh(const MeshInput& mesh) const;
   [[nodiscard]] std::vector<uint32_t> face_textures_of(const MeshInput& mesh) const;
   Status check_faces(const MeshInput& mesh, const std::vector<uint32_t>& face_textures) const;
+  Status add_checked_mesh(const MeshInput& mesh, bool is_interface);
+  Result<MaterialId> interface_material();
   Status check_object(uint32_t object) const;
   Status add_placed(uint32_t object, const Affine3& world_from_object, const Motion* motion);
   Status write_store();
-  Status dice_cages();
+  Status check_displacement(const SubdivisionInput& subdivision) const;
+  Status dice_cages(const Packed& packed);
   Status number_meshes();
   void keep_instances_of_triangles();
   Status check_emitters_stand_still() const;
@@ -103,6 +112,7 @@ class ScenePacker final : public SceneSink {
   Status write_lights(Packed& packed);
   Status open_images(Packed& packed) const;
   Status write_pages(Packed& packed);
+  Status write_volumes(Packed& packed) const;
   SceneStatistics statistics(const Packed& packed) const;
   [[nodiscard]] std::string name_lines() const;
   Status write_manifest(const Packed& packed);
@@ -113,7 +123,7 @@ class ScenePacker final : public SceneSink {
   std::unique_ptr<cache::Scratch> scratch_;
   std::unique_ptr<MeshSpool> spool_;
   SpooledScene scene_;
-  std::vector<SubdivisionCage> cages_;
+  CageSpool cages_;
   SceneSettings settings_;
   std::vector<FrameCamera> camera_path_;
   std::vector<ImageSource> images_;
@@ -123,6 +133,8 @@ class ScenePacker final : public SceneSink {
   TextureCosts texture_costs_;
   std::vector<Material> materials_;
   std::vector<std::string> material_names_, object_names_;
+  SaidMedia media_;
+  MaterialId interface_material_;  // of meshes that only divide media
   std::vector<shading::Light> lights_;
   ImageId environment_image_;
   std::vector<cache::Instance> instances_;

@@ -5,10 +5,12 @@
 // Threads: one caller. Memory: add_mesh may be called with views of memory that is reused afterwards.
 // Fails: any call may return an error (disk, invalid geometry); the store is then never committed.
 
+#include <array>
 #include <cstdint>
 #include <filesystem>
 #include <span>
 #include <string>
+#include <vector>
 
 #include "cache/base/result.h"
 #include "cache/facetex_writer.h"
@@ -39,6 +41,24 @@ struct MeshInput {
   bool emits = false;                    // in an object: at each of its instances
   Rgb emission{0, 0, 0};
   bool emits_two_sided = false;
+  bool divides_media = false;            // rays that cross it change their medium; without a material it does nothing else
+  uint32_t medium_inside = kNoMedium, medium_outside = kNoMedium;  // from add_medium; outside: where the normal points
+};
+
+// Samples of a volume: a grid of a file, or given here.
+struct VolumeInput {
+  std::string name;                // for messages
+  std::filesystem::path file;      // .vdb or .nvdb; empty: samples are given
+  std::string grid;                // of the file
+  std::array<int32_t, 3> counts{0, 0, 0};
+  std::vector<float> samples;      // x fastest, from lattice point (0, 0, 0) on
+  Affine3 medium_from_lattice;     // of given samples
+};
+
+struct MediumInput {
+  std::string name;
+  Medium medium;                   // without its transforms
+  Affine3 world_from_medium;
 };
 
 // How the texels of a face texture are to be understood.
@@ -80,6 +100,9 @@ struct SubdivisionInput {
   std::span<const uint32_t> holes;          // faces that shape the surface and are left out
   BoundaryRule boundary = BoundaryRule::edges_and_corners;
   UvRule uv_rule = UvRule::corners_plus1;
+  // Moves points along the normal by the texture's (first) value times the scale, in units of the object.
+  TextureId displacement;                   // none: not displaced
+  float displacement_scale = 1;
 };
 
 class SceneSink {
@@ -106,6 +129,10 @@ class SceneSink {
   virtual Status add_light(const shading::Light& light) = 0;  // point, spot, distant, infinite
   // An infinite light with has_image, and its image; one a scene.
   virtual Status add_environment(const shading::Light& light, ImageId image) = 0;
+  // Sinks that have no use for media refuse them.
+  virtual Result<uint32_t> add_volume(const VolumeInput& volume);
+  virtual Result<uint32_t> add_medium(const MediumInput& medium);
+  virtual void set_black_bodies(std::span<const Rgb> /*table*/) {}  // kBlackBodyEntries; where a medium has a temperature
   virtual uint32_t begin_object(std::string name) = 0;        // a prototype; its meshes name it
   virtual Status add_mesh(const MeshInput& mesh) = 0;
   virtual Status add_subdivision(const SubdivisionInput& subdivision);
@@ -124,6 +151,12 @@ class SceneSink {
 };
 
 // Sinks that have no use for these refuse them.
+inline Result<uint32_t> SceneSink::add_volume(const VolumeInput& volume) {
+  return error("{}: volumes are not possible here", volume.name);
+}
+inline Result<uint32_t> SceneSink::add_medium(const MediumInput& medium) {
+  return error("{}: media are not possible here", medium.name);
+}
 inline Status SceneSink::add_subdivision(const SubdivisionInput& subdivision) {
   return error("{}: subdivided cages are not possible here", subdivision.cage.name);
 }

@@ -132,7 +132,9 @@ SpooledMesh mesh_without_faces(const MeshInput& input) {
   mesh.row.light_base = LightId::kNone;
   mesh.row.alpha_texture = input.alpha.value;
   mesh.row.flags = (input.flip_normals ? kMeshFlipNormals : 0u) | (input.normals.empty() ? 0u : kMeshHasNormals) |
-                   (input.uvs.empty() ? 0u : kMeshHasUvs);
+                   (input.uvs.empty() ? 0u : kMeshHasUvs) | (input.divides_media ? kMeshDividesMedia : 0u);
+  mesh.row.medium_inside = static_cast<uint16_t>(input.medium_inside);
+  mesh.row.medium_outside = static_cast<uint16_t>(input.medium_outside);
   mesh.emits = input.emits && !is_black(input.emission);
   mesh.emits_two_sided = input.emits_two_sided;
   mesh.emission = input.emission;

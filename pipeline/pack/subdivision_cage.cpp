@@ -95,6 +95,8 @@ Status check_sharpness(const SubdivisionInput& input) {
   for (const uint32_t face : input.holes)
     if (face >= input.corner_counts.size())
       return error("{}: names face {} of {} as a hole", name, face, input.corner_counts.size());
+  if (!std::isfinite(input.displacement_scale))
+    return error("{}: its displacement is scaled by {}", name, input.displacement_scale);
   return {};
 }
 
@@ -237,7 +239,10 @@ class TopologyMaker {
       }
     for (size_t v = 0; v < valence.size(); ++v) {
       if (valence[v] == 0 || is_boundary[v]) continue;
-      if (sharp[v] == 1) topology_.has_sharp_dart = true;
+      if (sharp[v] == 1) {
+        topology_.is_sharp_dart.resize(valence.size());
+        topology_.is_sharp_dart[v] = true;
+      }
       if (valence[v] == 2) topology_.has_interior_pair = true;
     }
   }
@@ -294,6 +299,7 @@ Result<SubdivisionCage> make_cage(const SubdivisionInput& input) {
   cage.sharp_vertices = copied(input.sharp_vertices);
   cage.holes = copied(input.holes);
   cage.boundary = input.boundary, cage.uv_rule = input.uv_rule;
+  cage.displacement = input.displacement, cage.displacement_scale = input.displacement_scale;
   // That its faces meet as they must is better said now, with the place, than at the end.
   if (const Result<CageTopology> topology = cage_topology(cage); !topology) return topology.error();
   return cage;

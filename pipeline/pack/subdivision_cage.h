@@ -31,6 +31,8 @@ struct SubdivisionCage {
   std::vector<uint32_t> holes;
   BoundaryRule boundary = BoundaryRule::edges_and_corners;
   UvRule uv_rule = UvRule::corners_plus1;
+  TextureId displacement;
+  float displacement_scale = 1;
 
   [[nodiscard]] uint32_t face_count() const { return static_cast<uint32_t>(first_corner.size()) - 1; }
   [[nodiscard]] uint32_t corner_count(uint32_t face) const { return first_corner[face + 1] - first_corner[face]; }
@@ -56,7 +58,8 @@ struct CageTopology {
   std::vector<uint32_t> wedge;    // of each corner
   uint32_t wedge_count = 0;
   std::vector<bool> is_hole;      // of each face
-  bool has_sharp_dart = false;    // a vertex where one edge that is sharp for ever ends inside
+  // Of each vertex, whether one edge that is sharp for ever ends there, inside the surface. Empty without any.
+  std::vector<bool> is_sharp_dart;
   bool has_interior_pair = false; // an inner vertex of two faces
 };
 Result<CageTopology> cage_topology(const SubdivisionCage& cage);

@@ -26,7 +26,8 @@ RayTimes ray_times(const Store& store, const SceneSettings& settings) {
 }
 
 CameraRays::CameraRays(const shading::Camera& camera, const shading::Filter& filter, PixelWindow window, uint32_t seed,
-                       shading::SamplerKind sampler, const RayTimes& times, float exposure_scale)
+                       shading::SamplerKind sampler, const RayTimes& times, float exposure_scale,
+                       uint32_t camera_medium)
     : camera_(camera),
       filter_(filter),
       window_(window),
@@ -34,6 +35,7 @@ CameraRays::CameraRays(const shading::Camera& camera, const shading::Filter& fil
       sampler_(sampler),
       times_(times),
       exposure_scale_(exposure_scale),
+      medium_(camera_medium),
       next_pixel_(window.pixel_count()) {}
 
 void CameraRays::begin(const Epoch& epoch) {
@@ -69,7 +71,7 @@ void CameraRays::camera_path(Pixel p, uint32_t sample, cache::TraceRay& ray, Pat
                                : shading::camera_ray(camera_, transform_at(*times_.camera, time), raster, u_lens);
   ray = {camera.origin_world, INFINITY, camera.direction_world, time};
   path = PathRecord{};
-  path.sink = sink, path.sample = sample;
+  path.sink = sink, path.sample = sample, path.medium = medium_;
   const float weight = film.weight * exposure_scale_;
   path.throughput = {weight, weight, weight};
   path.cone_width = camera.cone_width, path.cone_spread = camera.cone_spread;

@@ -38,7 +38,7 @@ class CameraRays {
  public:
   CameraRays(const shading::Camera& camera, const shading::Filter& filter, PixelWindow window, uint32_t seed,
              shading::SamplerKind sampler = shading::SamplerKind::sobol, const RayTimes& times = {},
-             float exposure_scale = 1);
+             float exposure_scale = 1, uint32_t camera_medium = kNoMedium);
 
   void begin(const Epoch& epoch);
   [[nodiscard]] bool exhausted() const { return next_pixel_ == window_.pixel_count(); }
@@ -59,6 +59,7 @@ class CameraRays {
   shading::SamplerKind sampler_;
   RayTimes times_;
   float exposure_scale_;
+  uint32_t medium_;
   Epoch epoch_;
   uint64_t next_pixel_ = 0;   // of the window, in walking order
   uint32_t next_sample_ = 0;  // inside the epoch

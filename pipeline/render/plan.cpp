@@ -38,25 +38,32 @@ constexpr double kStepsPerPath = 4;
 
 uint64_t swept_minimum(uint64_t total, uint64_t largest_part) { return std::min(total, (kReadAheadParts + 1) * largest_part); }
 
+// What media did to a path and its shadow ray.
+constexpr uint64_t kMediaBytesPerPath = 2 * 28;
+// Runs of segments in grids that are not in memory: some hundred thousand at a time share a sweep.
+constexpr uint64_t kRunBytes = 64 * kMiB;
+
 struct Smallest {
-  uint64_t pages, attributes, textures;
-  [[nodiscard]] uint64_t sum() const { return pages + attributes + textures; }
+  uint64_t pages, attributes, textures, volumes;
+  [[nodiscard]] uint64_t sum() const { return pages + attributes + textures + volumes; }
 };
 
 Smallest smallest_caches(const SceneFacts& f, const PlanOptions& o) {
   return {o.page_bytes ? o.page_bytes : swept_minimum(f.trace_bytes, f.largest_page_bytes),
           o.attribute_bytes ? o.attribute_bytes : swept_minimum(f.attribute_bytes, f.largest_attribute_block_bytes),
-          o.texture_bytes ? o.texture_bytes : std::min(f.texture_bytes, kSmallestTextureBytes)};
+          o.texture_bytes ? o.texture_bytes : std::min(f.texture_bytes, kSmallestTextureBytes),
+          o.volume_bytes ? o.volume_bytes : swept_minimum(f.volume_bytes, f.largest_brick_bytes)};
 }
 
 uint64_t fixed_bytes(const SceneFacts& f, const PlanOptions& o) {
-  return o.floor_bytes + f.table_bytes + f.film_bytes + kStageBytes + kSlackBytes;
+  return o.floor_bytes + f.table_bytes + f.film_bytes + kStageBytes + kSlackBytes + (f.volume_bytes > 0 ? kRunBytes : 0);
 }
 
-uint64_t wave_bytes(uint64_t paths, bool spills) {
+uint64_t wave_bytes(const SceneFacts& f, uint64_t paths, bool spills) {
+  const uint64_t media = f.has_media ? paths * kMediaBytesPerPath : 0;
   // A spilled wave gives back what sorting took before it traces, and all but the rays before it shades.
-  if (spills) return paths * (kHotBytesPerPath + kSpilledPairBytesPerPath) + kSpillBufferBytes + kSmallestHitSortBytes;
-  return paths * (kHotBytesPerPath + kSortBytesPerPath + kPairBytesPerPath + kNextHotBytesPerPath + 2 * kColdBytesPerPath +
+  if (spills) return media + paths * (kHotBytesPerPath + kSpilledPairBytesPerPath) + kSpillBufferBytes + kSmallestHitSortBytes;
+  return media + paths * (kHotBytesPerPath + kSortBytesPerPath + kPairBytesPerPath + kNextHotBytesPerPath + 2 * kColdBytesPerPath +
                   kHitBytesPerPath);
 }
 
@@ -69,9 +76,11 @@ void share_out(uint64_t left, const SceneFacts& f, const PlanOptions& o, Smalles
   };
   give(share.textures, std::min<uint64_t>(f.texture_bytes, share.textures + left / 4), o.texture_bytes);
   give(share.attributes, std::min<uint64_t>(f.attribute_bytes, share.attributes + left / 4), o.attribute_bytes);
+  give(share.volumes, std::min<uint64_t>(f.volume_bytes, share.volumes + left / 4), o.volume_bytes);
   give(share.pages, f.trace_bytes, o.page_bytes);
   give(share.attributes, f.attribute_bytes, o.attribute_bytes);
   give(share.textures, f.texture_bytes, o.texture_bytes);
+  give(share.volumes, f.volume_bytes, o.volume_bytes);
 }
 
 double frame_steps(const SceneFacts& f) {
@@ -84,7 +93,7 @@ void predict(const SceneFacts& f, const Rates& r, Plan& plan) {
   const double waves = steps / static_cast<double>(plan.wave_paths) + f.max_depth;
   const auto missed = [](uint64_t total, uint64_t share) { return total > share ? total - share : 0; };
   const uint64_t swept = missed(f.trace_bytes, plan.page_bytes) + missed(f.attribute_bytes, plan.attribute_bytes) +
-                         missed(f.texture_bytes, plan.texture_bytes);
+                         missed(f.texture_bytes, plan.texture_bytes) + missed(f.volume_bytes, plan.volume_bytes);
   const double page_bytes = waves * static_cast<double>(swept) + static_cast<double>(f.trace_bytes + f.attribute_bytes);
   const bool hits_spill = plan.hit_bytes < plan.wave_paths * kHitBytesPerPath;
   const double spill_bytes = plan.spills ? steps * (kColdSpillBytesPerStep + (hits_spill ? kHitSpillBytesPerStep : 0)) : 0;
@@ -100,25 +109,27 @@ void predict(const SceneFacts& f, const Rates& r, Plan& plan) {
 
 Plan shape(const SceneFacts& f, const PlanOptions& o, uint64_t paths, bool spills, uint64_t budget) {
   Smallest share = smallest_caches(f, o);
-  const uint64_t needed = fixed_bytes(f, o) + wave_bytes(paths, spills) + share.sum();
+  const uint64_t needed = fixed_bytes(f, o) + wave_bytes(f, paths, spills) + share.sum();
   share_out(budget - needed, f, o, share);
   Plan plan;
   plan.wave_paths = paths, plan.spills = spills;
   plan.page_bytes = share.pages, plan.attribute_bytes = share.attributes, plan.texture_bytes = share.textures;
   plan.pages_fit = share.pages >= f.trace_bytes, plan.attributes_fit = share.attributes >= f.attribute_bytes;
   plan.textures_fit = share.textures >= f.texture_bytes;
+  plan.volume_bytes = share.volumes, plan.volumes_fit = share.volumes >= f.volume_bytes;
+  plan.run_bytes = f.volume_bytes > 0 ? kRunBytes : 0;
   plan.read_ahead_bytes = kReadAheadParts * f.largest_page_bytes;
   plan.pair_bytes = std::max<uint64_t>(paths * (spills ? kSpilledPairBytesPerPath : kPairBytesPerPath), 1 * kMiB);
   plan.ray_bytes = paths * (kHotBytesPerPath + kNextHotBytesPerPath);
   plan.cold_bytes = spills ? 0 : UINT64_MAX;
   plan.hit_bytes = spills ? kSmallestHitSortBytes : UINT64_MAX;
   plan.epoch_samples = 16;
-  // A wave must not starve on two open epochs.
+  // A wave must not starve on two open epochs: each fills one, the first ones too. Else a wave drains before the next two
+  // open, and every bounce of the few paths that are left is a sweep.
   while (uint64_t{plan.epoch_samples} * f.pixel_count < paths && plan.epoch_samples < (1u << 16)) plan.epoch_samples *= 2;
-  // Nor on the first ones, which double from here: two of them fill half of a wave.
-  while (uint64_t{4} * plan.first_epoch_samples * f.pixel_count < paths && plan.first_epoch_samples < plan.epoch_samples)
+  while (uint64_t{plan.first_epoch_samples} * f.pixel_count < paths && plan.first_epoch_samples < plan.epoch_samples)
     plan.first_epoch_samples *= 2;
-  plan.memory_bytes = fixed_bytes(f, o) + wave_bytes(paths, spills) + share.sum();
+  plan.memory_bytes = fixed_bytes(f, o) + wave_bytes(f, paths, spills) + share.sum();
   if (spills) {
     const auto give = [&](uint64_t& to, uint64_t wanted) {
       const uint64_t more = std::min(budget - plan.memory_bytes, wanted);
@@ -132,7 +143,7 @@ Plan shape(const SceneFacts& f, const PlanOptions& o, uint64_t paths, bool spill
 }
 
 bool fits(const SceneFacts& f, const PlanOptions& o, uint64_t paths, bool spills, uint64_t budget) {
-  return fixed_bytes(f, o) + wave_bytes(paths, spills) + smallest_caches(f, o).sum() <= budget;
+  return fixed_bytes(f, o) + wave_bytes(f, paths, spills) + smallest_caches(f, o).sum() <= budget;
 }
 
 }  // namespace
@@ -157,7 +168,7 @@ Result<Plan> plan_render(const SceneFacts& facts, const PlanOptions& options, co
   const bool may_spill = options.spill != 0;
   const uint64_t smallest =
       fixed_bytes(facts, options) + smallest_caches(facts, options).sum() +
-      std::min(options.spill == 1 ? UINT64_MAX : wave_bytes(first, false), may_spill ? wave_bytes(first, true) : UINT64_MAX);
+      std::min(options.spill == 1 ? UINT64_MAX : wave_bytes(facts, first, false), may_spill ? wave_bytes(facts, first, true) : UINT64_MAX);
   return error("--memory {}: this frame needs at least {} ({} before anything is loaded, {} film, {} tables); raise it",
                bytes_text(budget), bytes_text(smallest + kMiB), bytes_text(options.floor_bytes),
                bytes_text(facts.film_bytes), bytes_text(facts.table_bytes));
@@ -178,12 +189,13 @@ std::string describe(const Plan& p) {
       "wave          {} paths, {}\n"
       "pages         {}\n"
       "attributes    {}\n"
-      "textures      {}\n"
+      "textures      {}\n{}"
       "rays          {}\n"
       "memory        {}\n"
       "predicted     {:.1f} s, {} waves, {} of pages, {} spilled, {} of scratch\n",
       p.wave_paths, p.spills ? "spilled to scratch" : "in memory", share(p.page_bytes, p.pages_fit),
-      share(p.attribute_bytes, p.attributes_fit), share(p.texture_bytes, p.textures_fit), bytes_text(p.ray_bytes),
+      share(p.attribute_bytes, p.attributes_fit), share(p.texture_bytes, p.textures_fit),
+      p.volume_bytes > 0 ? fmt::format("volumes       {}\n", share(p.volume_bytes, p.volumes_fit)) : "", bytes_text(p.ray_bytes),
       bytes_text(p.memory_bytes), p.predicted_seconds, p.predicted_waves, bytes_text(p.predicted_page_bytes),
       bytes_text(p.predicted_spill_bytes), bytes_text(p.predicted_scratch_bytes));
 }

@@ -16,6 +16,8 @@ struct SceneFacts {
   uint64_t attribute_bytes = 0, largest_attribute_block_bytes = 0;
   uint64_t texture_bytes = 0;  // decoded tiles of all images and levels, and what the library holds beside them
   uint64_t image_count = 0;
+  uint64_t volume_bytes = 0, largest_brick_bytes = 0;
+  bool has_media = false;
   uint64_t table_bytes = 0;    // manifest tables, page tree, lights
   uint64_t film_bytes = 0;
   uint64_t pixel_count = 0;
@@ -35,15 +37,16 @@ struct PlanOptions {
   uint64_t memory_bytes = 0;         // of the whole process; 0: everything is kept in memory
   uint64_t floor_bytes = 0;          // resident before the first table: libraries, code, stacks
   uint64_t wave_paths = 0;
-  uint64_t page_bytes = 0, attribute_bytes = 0, texture_bytes = 0;  // shares
+  uint64_t page_bytes = 0, attribute_bytes = 0, texture_bytes = 0, volume_bytes = 0;  // shares
   int spill = -1;                    // 0 never, 1 always, -1 when it pays
 };
 
 struct Plan {
   uint64_t wave_paths = 0;      // camera and continued paths a wave; each may send one shadow ray
   bool spills = false;          // cold columns and hits beyond their limits go to scratch
-  bool pages_fit = true, attributes_fit = true, textures_fit = true;
-  uint64_t page_bytes = 0, attribute_bytes = 0, texture_bytes = 0;  // limits of the caches
+  bool pages_fit = true, attributes_fit = true, textures_fit = true, volumes_fit = true;
+  uint64_t page_bytes = 0, attribute_bytes = 0, texture_bytes = 0, volume_bytes = 0;  // limits of the caches
+  uint64_t run_bytes = 0;          // runs of segments through volumes, where those do not fit
   uint64_t read_ahead_bytes = 0;   // of each swept store, inside its limit
   uint64_t pair_bytes = 0;         // (page, ray) pairs of a sweep window
   uint64_t cold_bytes = 0;         // limit of each cold stream in memory

@@ -70,7 +70,8 @@ class RenderLoop {
         report_(report),
         settings_(state.options.settings),
         camera_rays_(settings_.camera, settings_.filter, pixel_window(settings_), settings_.render.seed,
-                     settings_.render.sampler, ray_times(state.store, settings_), settings_.film.exposure_scale),
+                     settings_.render.sampler, ray_times(state.store, settings_), settings_.film.exposure_scale,
+                     settings_.render.camera_medium),
         schedule_({settings_.render.samples_per_pixel, state.plan.epoch_samples, state.plan.first_epoch_samples}),
         hits_(stream_options(state, "hits", MemoryTag::hits, cache::IoPurpose::hits, state.plan.hit_bytes)) {}
 
@@ -79,6 +80,7 @@ class RenderLoop {
     Wave wave = make_wave(state_);
     empty(wave.paths, state_.plan.wave_paths);
     empty(wave.shadows, 0);
+    report_.has_media = !state_.media.tables.media.empty();
     while (true) {
       const cache::TraceSpan span("wave", "wave");
       WaveReport wave_report;
@@ -138,6 +140,7 @@ class RenderLoop {
     hits.clear();
     sort_wave(wave, report);
     SPILLWAY_TRY(trace_wave(wave, report));
+    if (report_.has_media) SPILLWAY_TRY(track_wave(wave, report));
     SPILLWAY_TRY(route_wave(wave, hits, report));
     report.spilled_bytes += wave.paths.cold.spilled_bytes() + wave.shadows.cold.spilled_bytes();
     empty(wave.paths, std::max<size_t>(hits.size(), state_.plan.wave_paths));
@@ -197,11 +200,26 @@ class RenderLoop {
     return {};
   }
 
+  // Only in scenes that have media: elsewhere there are no results, and nothing looks for them.
+  Status track_wave(const Wave& wave, WaveReport& report) {
+    const StageTimer timer("track_media", report.track_seconds);
+    TrackMediaOptions options;
+    options.run_limit_bytes = state_.plan.run_bytes;
+    TrackMediaReport tracked;
+    SPILLWAY_TRY(track_media(state_.media, {wave.paths.hot, path_hits_, &wave.paths.cold},
+                             {wave.shadows.hot, shadow_hits_, &wave.shadows.cold}, options, track_scratch_, tracked));
+    report.bricks_touched = tracked.bricks_touched;
+    report_.track += tracked;
+    if (state_.volumes) state_.volumes->parts().rebalance();
+    return {};
+  }
+
   Status route_wave(Wave& wave, cache::ExternalSort<HitRecord>& hits, WaveReport& report) {
     const StageTimer timer("route_hits", report.route_seconds);
-    SPILLWAY_TRY(route_hits(state_.inputs.settings, {wave.paths.hot, path_hits_, &wave.paths.cold},
-                            {wave.shadows.hot, shadow_hits_, &wave.shadows.cold}, hits, *state_.film, route_scratch_,
-                            report_.route, state_.options.hit_batch_rays));
+    SPILLWAY_TRY(route_hits(state_.inputs.settings,
+                            {wave.paths.hot, path_hits_, &wave.paths.cold, track_scratch_.path_results},
+                            {wave.shadows.hot, shadow_hits_, &wave.shadows.cold, track_scratch_.shadow_results}, hits,
+                            *state_.film, route_scratch_, report_.route, state_.options.hit_batch_rays));
     if (state_.plan.spills) order_ = {}, path_hits_ = {}, shadow_hits_ = {};
     return {};
   }
@@ -276,6 +294,7 @@ class RenderLoop {
   Buffer<uint32_t> order_;
   Buffer<cache::TraceHit> path_hits_, shadow_hits_;
   cache::ExternalSort<HitRecord> hits_;
+  TrackMediaScratch track_scratch_;
   RouteHitsScratch route_scratch_;
   ShadeHitsScratch shade_scratch_;
   double page_wait_ = 0, attribute_wait_ = 0;  // when the wave began, for the log
@@ -330,6 +349,11 @@ SceneFacts scene_facts(const Store& store, const RenderOptions& options) {
   }
   facts.texture_bytes = cache::TextureCache::bytes_for_all(store.images(), store.face_containers());
   facts.image_count = store.images().size();
+  facts.has_media = !store.medium_tables().media.empty();
+  for (const cache::VolumeBrickLocation& brick : store.medium_tables().volumes.bricks) {
+    facts.volume_bytes += brick.size_bytes;
+    facts.largest_brick_bytes = std::max(facts.largest_brick_bytes, brick.size_bytes);
+  }
   for (const MemoryTag tag : {MemoryTag::scene, MemoryTag::page_tree, MemoryTag::lights, MemoryTag::trace_log})
     facts.table_bytes += memory_use(tag).current_bytes;  // held since the store was opened
   facts.film_bytes = Film::bytes(film_shape(options.settings, options.aov_layers));

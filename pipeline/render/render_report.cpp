@@ -21,6 +21,7 @@ json plan_json(const Plan& p) {
           {"page_bytes", p.page_bytes},
           {"attribute_bytes", p.attribute_bytes},
           {"texture_bytes", p.texture_bytes},
+          {"volume_bytes", p.volume_bytes},
           {"memory_bytes", p.memory_bytes},
           {"predicted_seconds", p.predicted_seconds},
           {"predicted_waves", p.predicted_waves},
@@ -88,6 +89,20 @@ json stages_json(const RenderReport& r) {
             {"attribute_blocks_touched", r.shade.attribute_blocks_touched}}}};
 }
 
+// Only in scenes that have media.
+json track_json(const RenderReport& r) {
+  double seconds = 0;
+  for (const WaveReport& w : r.waves) seconds += w.track_seconds;
+  return {{"seconds", seconds},
+          {"segments", r.track.segment_count},
+          {"collisions", r.track.collision_count},
+          {"runs", r.track.run_count},
+          {"steps", r.track.step_count},
+          {"rounds", r.track.round_count},
+          {"bricks_touched", r.track.bricks_touched},
+          {"bounded", r.track.bounded_count}};
+}
+
 json memory_json(const RenderReport& r) {
   json tags;
   for (int i = 0; i < kMemoryTagCount; ++i) tags[name(static_cast<MemoryTag>(i))] = r.memory[i].peak_bytes;
@@ -150,6 +165,10 @@ std::string report_json(const RenderReport& r, const std::string& scene) {
                  {"memory", memory_json(r)},
                  {"io", io_json(r)},
                  {"waves", waves}};
+  if (r.has_media) {
+    report["stages"]["track_media"] = track_json(r);
+    report["volumes"] = parts_json(r.volumes);
+  }
   if (r.has_textures)
     report["textures"] = textures_json(r.textures);
   for (const TextureReport& t : r.by_texture) {
@@ -162,19 +181,28 @@ std::string report_json(const RenderReport& r, const std::string& scene) {
 }
 
 std::string report_table(const RenderReport& r) {
-  double sort = 0, trace = 0, route = 0, shade = 0;
-  for (const WaveReport& w : r.waves)
-    sort += w.sort_seconds, trace += w.trace_seconds, route += w.route_seconds, shade += w.shade_seconds;
+  double sort = 0, trace = 0, track = 0, route = 0, shade = 0;
+  for (const WaveReport& w : r.waves) {
+    sort += w.sort_seconds, trace += w.trace_seconds, track += w.track_seconds;
+    route += w.route_seconds, shade += w.shade_seconds;
+  }
   std::string text = fmt::format("{} samples a pixel in {} epochs, {} waves, {:.2f} s; {:.2f} M rays/s\n",
                                  r.samples_per_pixel, r.epoch_count, r.waves.size(), r.seconds,
                                  r.seconds > 0 ? static_cast<double>(r.trace.ray_count) / r.seconds * 1e-6 : 0.0);
   text += "stages\n" + stage_line("generate_rays", r.generate_seconds, r.seconds) +
           stage_line("sort_rays", sort, r.seconds) + stage_line("trace_rays", trace, r.seconds) +
-          stage_line("route_hits", route, r.seconds) + stage_line("shade_hits", shade, r.seconds);
+          (r.has_media ? stage_line("track_media", track, r.seconds) : "") + stage_line("route_hits", route, r.seconds) + stage_line("shade_hits", shade, r.seconds);
   text += fmt::format("rays\n  {} traced, {} hits shaded, {} escaped, {} shadow rays arrived, {} occluded\n",
                       r.trace.ray_count, r.shade.shaded_count, r.route.escaped_count, r.route.arrived_count,
                       r.route.occluded_count);
+  if (r.has_media)
+    text += fmt::format("media\n  {} segments, {} collisions, {} runs of cells, {} steps\n", r.track.segment_count,
+                        r.track.collision_count, r.track.run_count, r.track.step_count);
+  if (r.track.bounded_count > 0)
+    text += fmt::format("  {} cells took more than {} steps: their rest was passed as if it were empty, which is too bright\n",
+                        r.track.bounded_count, shading::kMaxCellSteps);
   text += "store\n" + parts_line("pages", r.pages) + parts_line("attributes", r.attributes);
+  if (r.volumes.unique_bytes > 0) text += parts_line("volumes", r.volumes);
   if (r.has_textures)
     text += fmt::format("  {:<14} {:>10} read, {} unique; {} lookups, {} tiles, {} of them again\n", "textures",
                         bytes_text(r.textures.bytes_read), bytes_text(r.textures.unique_bytes), r.textures.lookups,

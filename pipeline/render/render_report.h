@@ -17,14 +17,15 @@
 #include "pipeline/render/route_hits.h"
 #include "pipeline/render/shade_hits.h"
 #include "pipeline/render/trace_rays.h"
+#include "pipeline/render/track_media.h"
 
 namespace spillway::pipeline {
 
 struct WaveReport {
   uint64_t path_count = 0, shadow_count = 0, generated_count = 0;
-  double sort_seconds = 0, trace_seconds = 0, route_seconds = 0, shade_seconds = 0;
+  double sort_seconds = 0, trace_seconds = 0, track_seconds = 0, route_seconds = 0, shade_seconds = 0;
   cache::TextureCounters textures;
-  uint64_t pages_touched = 0, pair_count = 0, window_count = 0, partition_count = 0, spilled_bytes = 0;
+  uint64_t pages_touched = 0, pair_count = 0, window_count = 0, partition_count = 0, bricks_touched = 0, spilled_bytes = 0;
 };
 
 struct TextureReport {
@@ -42,9 +43,11 @@ struct RenderReport {
   double seconds = 0, generate_seconds = 0;
   std::vector<WaveReport> waves;
   TraceRaysReport trace;
+  bool has_media = false;            // without, track_media did not run
+  TrackMediaReport track;
   RouteHitsReport route;
   ShadeHitsReport shade;
-  cache::PartStoreCounters pages, attributes;
+  cache::PartStoreCounters pages, attributes, volumes;
   cache::TextureCounters textures;
   std::vector<TextureReport> by_texture;  // images, then face textures
   uint64_t texture_budget_bytes = 0;     // the budget that would keep tiles from being read again; 0: few are

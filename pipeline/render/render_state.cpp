@@ -1,6 +1,7 @@
 #include "pipeline/render/render_state.h"
 
 #include <algorithm>
+#include <numeric>
 
 namespace spillway::pipeline {
 namespace {
@@ -54,6 +55,25 @@ Status open_geometry(RenderState& state) {
   return {};
 }
 
+// A scene without grids has no store of bricks.
+Status open_volumes(RenderState& state) {
+  const MediumTables tables = state.store.medium_tables();
+  state.media = {tables, nullptr, state.options.settings.render.seed};
+  if (tables.volumes.bricks.empty()) return {};
+  std::vector<cache::Part> parts;
+  for (const cache::VolumeBrickLocation& brick : tables.volumes.bricks) parts.push_back({brick.offset_bytes, brick.size_bytes});
+  auto options = part_options(state, MemoryTag::volumes, cache::IoPurpose::volumes, state.plan.volume_bytes);
+  SPILLWAY_ASSIGN(auto store, cache::PartStore::open(state.store.volumes_path(), std::move(parts), options,
+                                                     cache::validate_volume_brick));
+  state.volumes = std::make_unique<VolumeStore>(std::move(store));
+  state.media.volumes = state.volumes.get();
+  if (!state.volumes->parts().fits()) return {};
+  // All of it is in memory from here on: segments find their bricks without sweeps.
+  std::vector<uint32_t> all(tables.volumes.bricks.size());
+  std::iota(all.begin(), all.end(), 0u);
+  return state.volumes->parts().sweep(all, [](uint32_t, std::span<const std::byte>) -> Status { return {}; });
+}
+
 // A scene without images has no texture cache.
 Status open_textures(RenderState& state) {
   const Store& store = state.store;
@@ -83,6 +103,7 @@ void connect(RenderState& state) {
   // And the shutter of the frame.
   in.settings = {state.lights.table(), std::min(settings.render.max_depth, kMostBounces), settings.render.seed,
                  settings.render.sampler};
+  in.settings.media = store.medium_tables().media;
   in.tables = {store.meshes(), store.materials(), state.evaluator.get()};
   in.instances = store.page_tree().instances;
   in.motions = store.motions();
@@ -104,6 +125,7 @@ Status open_render_state(RenderState& state) {
   SPILLWAY_TRY(open_scratch(state));
   SPILLWAY_TRY(open_geometry(state));
   SPILLWAY_TRY(open_textures(state));
+  SPILLWAY_TRY(open_volumes(state));
   connect(state);
   return {};
 }
@@ -119,6 +141,7 @@ Status open_film(RenderState& state) {
 CountersBefore::CountersBefore(const RenderState& state)
     : pages(state.page_parts->counters()), attributes(state.attributes->parts().counters()) {
   if (state.textures) textures = state.textures->counters_by_texture();
+  if (state.volumes) volumes = state.volumes->parts().counters();
 }
 
 std::array<cache::IoUse, cache::kIoPurposeCount> CountersBefore::io() {
@@ -186,6 +209,7 @@ void fill_report(const RenderState& state, const CountersBefore& before, RenderR
   report.plan = state.plan;
   report.pages = gained(state.page_parts->counters(), before.pages);
   report.attributes = gained(state.attributes->parts().counters(), before.attributes);
+  if (state.volumes) report.volumes = gained(state.volumes->parts().counters(), before.volumes);
   report.has_textures = state.textures != nullptr;
   if (state.textures) fill_texture_report(state, before, report);
   if (state.scratch) report.scratch_peak_bytes = state.scratch->peak_bytes();

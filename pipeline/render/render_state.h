@@ -22,6 +22,7 @@
 #include "pipeline/render/shade_hits.h"
 #include "pipeline/render/select_lights.h"
 #include "pipeline/render/trace_rays.h"
+#include "pipeline/render/track_media.h"
 
 namespace spillway::pipeline {
 
@@ -38,6 +39,8 @@ struct RenderState {
   std::unique_ptr<cache::TextureCache> textures;
   std::unique_ptr<TextureEvaluator> evaluator;
   std::unique_ptr<MaterialResolver> resolver;
+  std::unique_ptr<VolumeStore> volumes;  // null: no grids
+  MediaInputs media;
   SelectedLights lights;
   std::unique_ptr<Film> film;
   ShadeInputs inputs;
@@ -54,7 +57,7 @@ struct CountersBefore {
   explicit CountersBefore(const RenderState& state);
   cache::ProcessIo process = cache::process_io();
   std::array<cache::IoUse, cache::kIoPurposeCount> by_purpose = io();
-  cache::PartStoreCounters pages, attributes;
+  cache::PartStoreCounters pages, attributes, volumes;
   std::vector<cache::TextureCounters> textures;
 
   static std::array<cache::IoUse, cache::kIoPurposeCount> io();

@@ -6,6 +6,7 @@
 
 #include "cache/file.h"
 #include "cache/residency.h"
+#include "pipeline/render/epochs.h"
 
 namespace spillway::pipeline {
 namespace {
@@ -23,7 +24,7 @@ struct PathRange {
 struct PlannedWave {
   double paths = 0;
   PathRange begun;
-  std::vector<PathRange> going_on;  // whose paths are still on their way, the latest first
+  std::vector<PathRange> going_on;  // those of before that are still on their way
 };
 
 // What is known of the log as a whole.
@@ -32,6 +33,19 @@ struct LogTotals {
   double other_seconds = 0, trace_seconds = 0, shade_seconds = 0;
   double continuing = 0;  // of a wave's paths, those that go on
 };
+
+// The share c of paths that go on at each of max_depth bounces when a path has so many vertices: 1 + c + ... +
+// c^max_depth.
+double continuing(double vertices, uint32_t max_depth) {
+  double low = 0, high = 1;
+  for (int i = 0; i < 50; ++i) {
+    const double c = 0.5 * (low + high);
+    double sum = 1, term = 1;
+    for (uint32_t d = 0; d < max_depth; ++d) sum += term *= c;
+    (sum < vertices ? low : high) = c;
+  }
+  return low;
+}
 
 LogTotals totals(const AccessLog& log) {
   LogTotals t;
@@ -43,51 +57,116 @@ LogTotals totals(const AccessLog& log) {
     t.trace_seconds += std::max(0.0, f.trace_seconds - f.page_wait_seconds);
     t.shade_seconds += std::max(0.0, f.shade_seconds - f.attribute_wait_seconds);
   }
-  t.continuing = t.steps > 0 ? 1 - t.begun / t.steps : 0;
+  t.continuing = continuing(t.begun > 0 ? t.steps / t.begun : 1, log.facts.scene.max_depth);
   return t;
 }
 
-// Waves are topped up until no path is left to begin; then what goes on gets less by the share that ends.
-std::vector<PlannedWave> plan_waves(const LogTotals& t, uint64_t wave_paths, uint32_t max_depth) {
-  std::vector<PlannedWave> waves;
-  double begun = 0, live = 0;
-  std::vector<PathRange> going_on;
-  for (uint32_t tail = 0; tail <= max_depth && (begun < t.begun || live >= 1);) {
-    const double fresh = std::min(std::max(0.0, static_cast<double>(wave_paths) - live), t.begun - begun);
-    if (begun >= t.begun) ++tail;
-    PlannedWave wave{live + fresh, {begun, begun + fresh}, going_on};
-    begun += fresh;
-    live = wave.paths * t.continuing;
-    if (fresh > 0) going_on.insert(going_on.begin(), wave.begun);
-    // Those that began `depth` waves ago have ended.
-    if (going_on.size() > max_depth) going_on.resize(max_depth);
-    if (fresh == 0 && !going_on.empty() && going_on.size() > max_depth + 1 - tail) going_on.pop_back();
-    waves.push_back(std::move(wave));
+// Paths that began together.
+struct PathGroup {
+  PathRange range;
+  double live = 0;
+  uint32_t age = 0;  // waves
+  uint32_t half = 0;
+};
+
+// The loop of the renderer with counts for rays: topped up from open epochs, which close when their last path ends.
+class WavePlanner {
+ public:
+  WavePlanner(const AccessLog& log, const LogTotals& t, const Plan& plan)
+      : t_(t),
+        wave_paths_(static_cast<double>(plan.wave_paths)),
+        pixels_(static_cast<double>(log.facts.scene.pixel_count)),
+        max_depth_(log.facts.scene.max_depth),
+        schedule_({log.facts.scene.samples_per_pixel, plan.epoch_samples, plan.first_epoch_samples}) {}
+
+  std::vector<PlannedWave> run() {
+    std::vector<PlannedWave> waves;
+    while (true) {
+      PlannedWave wave;
+      // The log's lists of what goes on hold all ages at once: those of the youngest stand for the older ones.
+      const auto youngest = std::ranges::min_element(groups_, {}, &PathGroup::age);
+      for (const PathGroup& group : groups_) {
+        wave.paths += group.live;
+        if (group.age == youngest->age) wave.going_on.push_back(group.range);
+      }
+      top_up(wave);
+      if (wave.paths < 0.5) return waves;
+      waves.push_back(std::move(wave));
+      advance();
+    }
   }
-  return waves;
-}
+
+ private:
+  void top_up(PlannedWave& wave) {
+    wave.begun = {begun_, begun_};
+    while (wave_paths_ - wave.paths >= 0.5) {
+      if (left_ < 0.5) {
+        const auto epoch = schedule_.open_next();
+        if (!epoch) break;
+        left_ = epoch->sample_count * pixels_, half_ = epoch->half;
+      }
+      const double fresh = std::min(wave_paths_ - wave.paths, left_);
+      groups_.push_back({{begun_, begun_ + fresh}, fresh, 0, half_});
+      begun_ += fresh, left_ -= fresh, wave.paths += fresh;
+    }
+    wave.begun.last = begun_;
+  }
+
+  void advance() {
+    for (PathGroup& group : groups_) group.live *= t_.continuing, ++group.age;
+    std::erase_if(groups_, [&](const PathGroup& group) { return group.age > max_depth_ || group.live < 0.5; });
+    for (const uint32_t half : {0u, 1u}) {
+      const bool under_way = std::ranges::any_of(groups_, [&](const PathGroup& group) { return group.half == half; });
+      if (schedule_.is_open(half) && !under_way && (left_ < 0.5 || half_ != half)) schedule_.close(half);
+    }
+  }
+
+  const LogTotals& t_;
+  const double wave_paths_, pixels_;
+  const uint32_t max_depth_;
+  EpochSchedule schedule_;
+  std::vector<PathGroup> groups_;
+  double begun_ = 0, left_ = 0;  // of the epoch whose paths begin
+  uint32_t half_ = 0;
+};
 
 // Unions of lists of the log over ranges of paths.
 class LogSets {
  public:
   explicit LogSets(const AccessLog& log) : log_(log) {
     double end = 0;
-    for (const WaveAccess& w : log.waves) ends_.push_back(end += static_cast<double>(w.facts.generated_count));
+    for (const WaveAccess& w : log.waves) {
+      begins_.push_back(end);
+      end += static_cast<double>(w.facts.generated_count);
+    }
+    begins_.push_back(end);
   }
 
+  // Waves count whose middle lies in the range, so that neighbouring ranges share none; or the one around its middle.
   void add(PathRange range, List WaveAccess::*list, std::vector<bool>& to) const {
     if (range.last <= range.first) return;
-    // From the wave that holds the first path, through the waves after the last in which its paths go on.
-    auto wave = static_cast<size_t>(std::upper_bound(ends_.begin(), ends_.end(), range.first) - ends_.begin());
-    for (; wave < log_.waves.size(); ++wave) {
-      for (const uint32_t item : log_.waves[wave].*list) to[item] = true;
-      if (ends_[wave] >= range.last) break;
+    const size_t first = wave_at(range.first);
+    bool any = false;
+    for (size_t wave = first; wave < log_.waves.size() && begins_[wave] <= range.last; ++wave) {
+      const double middle = 0.5 * (begins_[wave] + begins_[wave + 1]);
+      if (middle < range.first || middle > range.last) continue;
+      add_wave(wave, list, to);
+      any = true;
     }
+    if (!any) add_wave(wave_at(0.5 * (range.first + range.last)), list, to);
   }
 
  private:
+  [[nodiscard]] size_t wave_at(double path) const {
+    const auto after = std::upper_bound(begins_.begin(), begins_.end() - 1, path);
+    return after == begins_.begin() ? 0 : static_cast<size_t>(after - begins_.begin()) - 1;
+  }
+  void add_wave(size_t wave, List WaveAccess::*list, std::vector<bool>& to) const {
+    for (const uint32_t item : log_.waves[wave].*list) to[item] = true;
+  }
+
   const AccessLog& log_;
-  std::vector<double> ends_;
+  std::vector<double> begins_;  // of each wave's paths, and the end
 };
 
 struct Needs {
@@ -167,7 +246,7 @@ Result<Replay> replay_access(const AccessLog& log, PlanOptions options, const Re
   const LogSets sets(log);
   cache::Residency pages(held(log.page_bytes), replay.plan.page_bytes, replay.plan.read_ahead_bytes);
   cache::Residency blocks(held(log.attribute_bytes), replay.plan.attribute_bytes, replay.plan.read_ahead_bytes);
-  const std::vector<PlannedWave> waves = plan_waves(t, replay.plan.wave_paths, log.facts.scene.max_depth);
+  const std::vector<PlannedWave> waves = WavePlanner(log, t, replay.plan).run();
   for (const PlannedWave& wave : waves) {
     const Needs needs = needs_of(log, sets, wave);
     uint64_t swept_bytes = 0;

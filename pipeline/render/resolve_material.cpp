@@ -150,9 +150,11 @@ void MaterialResolver::append_face_requests(const SurfaceQuery& q,
 
 Status MaterialResolver::decide_alpha(std::span<SurfaceQuery> block, Scratch& scratch) const {
   scratch.queries.clear();
+  const auto is_interface = [&](const SurfaceQuery& q) { return (tables_.meshes[q.mesh].flags & kMeshIsInterface) != 0; };
   for (SurfaceQuery& q : block) {
     q.stopped = !(q.hit->hit.flags & cache::kHitAlphaUnknown);
     q.material = tables_.meshes[q.mesh].material;
+    if (is_interface(q)) continue;
     // The finest level, as the micromap saw it: a coarser one could be opaque where the map says it is clear.
     if (!q.stopped) scratch.queries.push_back({tables_.meshes[q.mesh].alpha_texture, q.point->uv, 0, q.point});
   }
@@ -161,7 +163,7 @@ Status MaterialResolver::decide_alpha(std::span<SurfaceQuery> block, Scratch& sc
   SPILLWAY_TRY(tables_.textures->evaluate(scratch.queries, scratch.values, scratch.evaluator));
   size_t next = 0;
   for (SurfaceQuery& q : block)
-    if (!q.stopped) q.stopped = stopped_by_alpha(*q.hit, seed_, scratch.values[next++].value[0]);
+    if (!q.stopped && !is_interface(q)) q.stopped = stopped_by_alpha(*q.hit, seed_, scratch.values[next++].value[0]);
   return {};
 }
 

@@ -14,7 +14,7 @@ constexpr size_t kBlockRecords = 1024;
 // What one block of rays turned into, written to the scratch from `first` on.
 struct RoutedBlock {
   size_t first = 0;
-  uint32_t hit_count = 0, splat_count = 0, occluded_count = 0, alpha_shadow_count = 0;
+  uint32_t hit_count = 0, splat_count = 0, occluded_count = 0, alpha_shadow_count = 0, medium_count = 0;
 
   void emit(const HitRecord& record, const cache::SortKey& key, RouteHitsScratch& scratch) {
     scratch.hits[first + hit_count] = record;
@@ -38,7 +38,7 @@ uint32_t unit_to_byte(float x) { return static_cast<uint32_t>(std::clamp(x, 0.0f
 // The record of a shadow ray that a surface of unknown opacity stopped for now.
 HitRecord shadow_hit(const cache::TraceRay& ray, const cache::TraceHit& hit, const ShadowRecord& shadow) {
   HitRecord record{hit, ray.direction_world, ray.t_max, {}, 1};
-  record.path.sink = shadow.sink, record.path.sample = shadow.sample;
+  record.path.sink = shadow.sink, record.path.sample = shadow.sample, record.path.medium = shadow.medium;
   record.path.bounce = shadow.bounce, record.path.throughput = shadow.contribution;
   return record;
 }
@@ -67,7 +67,7 @@ Status route_all(const cache::RecordStream<Record>& records, Buffer<Record>& col
       const RoutedBlock& out = blocks[b];
       pieces[b] = {scratch.keys.data() + out.first, scratch.hits.data() + out.first, out.hit_count};
       report.hit_count += out.hit_count, report.occluded_count += out.occluded_count;
-      report.alpha_shadow_count += out.alpha_shadow_count;
+      report.alpha_shadow_count += out.alpha_shadow_count, report.medium_count += out.medium_count;
     }
     SPILLWAY_TRY(sort.append(std::span(pieces).first(block_total)));
   }
@@ -83,6 +83,13 @@ cache::SortKey hit_key(const HitRecord& hit) {
           uint64_t{hit.path.sink} << 32 | hit.path.sample};
 }
 
+HitRecord medium_hit(const cache::TraceRay& ray, const PathRecord& path, float distance) {
+  const Float3 direction = normalize(ray.direction_world);
+  HitRecord record{{distance, 0, 0, kMediumPrim, 0, 0}, direction, INFINITY, path, 0};
+  record.path.position_previous = ray.origin_world + direction * distance;
+  return record;
+}
+
 Status route_hits(const PathSettings& settings, const TracedPaths& paths, const TracedShadows& shadows,
                   cache::ExternalSort<HitRecord>& hits, Film& film, RouteHitsScratch& scratch, RouteHitsReport& report,
                   uint32_t batch_rays) {
@@ -92,9 +99,21 @@ Status route_hits(const PathSettings& settings, const TracedPaths& paths, const 
     return cache::SortKey{uint64_t{ray / batch_rays} << 32 | hit.hit.prim, ray};
   };
   const bool has_outside_light = shading::has_infinite_light(settings.lights);
-  const auto route_path = [&](size_t i, const PathRecord& path, RoutedBlock& out) {
+  const auto route_path = [&](size_t i, PathRecord path, RoutedBlock& out) {
     const cache::TraceRay& ray = paths.rays[i];
     const cache::TraceHit& hit = paths.hits[i];
+    if (!paths.media.empty()) {
+      const SegmentResult& medium = paths.media[i];
+      if (!is_black(medium.emitted))
+        out.emit(SplatRecord{path.sink, path.sample, emission_event(path.bounce), path.throughput * medium.emitted}, scratch);
+      path.throughput *= medium.weight;
+      if (medium.distance < INFINITY) ++out.medium_count;
+      if (is_black(path.throughput)) return;
+      if (medium.distance < INFINITY) {
+        const HitRecord record = medium_hit(ray, path, medium.distance);
+        return out.emit(record, key_of(record, i), scratch);
+      }
+    }
     if (hit.prim != PrimId::kNone) {
       const HitRecord record{hit, ray.direction_world, ray.t_max, path, 0};
       out.emit(record, key_of(record, i), scratch);
@@ -102,8 +121,9 @@ Status route_hits(const PathSettings& settings, const TracedPaths& paths, const 
       out.emit(escaped_splat(settings, path, ray.direction_world), scratch);
     }
   };
-  const auto route_shadow = [&](size_t i, const ShadowRecord& shadow, RoutedBlock& out) {
+  const auto route_shadow = [&](size_t i, ShadowRecord shadow, RoutedBlock& out) {
     const cache::TraceHit& hit = shadows.hits[i];
+    if (!shadows.media.empty()) shadow.contribution *= shadows.media[i].weight;
     if (hit.flags & cache::kHitOccluded) {
       ++out.occluded_count;
     } else if (hit.prim != PrimId::kNone) {

@@ -3,7 +3,7 @@
 // Stage route_hits: sends what trace_rays found on its way.
 //
 // In: hot columns and results of a wave, in memory; cold columns, read front to back once.
-// Out: surfaces to be shaded -> the hit sort, keyed by (material, mesh, face, place on the face, path); light from
+// Out: surfaces, and places in media, to be shaded -> the hit sort, keyed by (material, mesh, face, place on the face, path); light from
 //      outside the scene and shadow rays that arrived -> film.
 // Memory: one batch of records (RouteHitsScratch, tag paths). What does not fit of the hits is spilled by the sort.
 // Order: records are appended in the order of the rays; film adds are integers, so their order does not matter.
@@ -16,6 +16,7 @@
 #include "cache/record_stream.h"
 #include "pipeline/records.h"
 #include "pipeline/render/film.h"
+#include "pipeline/render/medium_segment.h"
 #include "pipeline/render/shade_path.h"
 
 namespace spillway::pipeline {
@@ -24,16 +25,19 @@ struct TracedPaths {
   std::span<const cache::TraceRay> rays;
   std::span<const cache::TraceHit> hits;
   const cache::RecordStream<PathRecord>* records;
+  std::span<const SegmentResult> media = {};  // what media did to each, in scenes that have some
 };
 
 struct TracedShadows {
   std::span<const cache::TraceRay> rays;
   std::span<const cache::TraceHit> hits;
   const cache::RecordStream<ShadowRecord>* records;
+  std::span<const SegmentResult> media = {};
 };
 
 struct RouteHitsReport {
   uint64_t hit_count = 0, escaped_count = 0, arrived_count = 0, occluded_count = 0, alpha_shadow_count = 0;
+  uint64_t medium_count = 0;  // of the hits
 };
 
 // Reused from wave to wave. Blocks of rays write from their own first index on.
@@ -48,6 +52,9 @@ struct RouteHitsScratch {
 
 // Hits by (prim: material-major, place on the face), then by the ray, which makes keys unique.
 [[nodiscard]] cache::SortKey hit_key(const HitRecord& hit);
+
+// Where a path collides in its medium, at a distance in world units.
+[[nodiscard]] HitRecord medium_hit(const cache::TraceRay& ray, const PathRecord& path, float distance);
 
 // batch_rays: hits of so many rays are sorted together, one batch after the other; 0: all (see RenderOptions).
 Status route_hits(const PathSettings& settings, const TracedPaths& paths, const TracedShadows& shadows,

@@ -121,6 +121,7 @@ class Shader {
       const uint32_t mesh = triangle.mesh.value;
       const bool flip = inputs_.tables.meshes[mesh].flags & kMeshFlipNormals;
       scratch.points[i] = shading_point(triangle, hit, transform, flip);
+      set_media(inputs_.tables.meshes[mesh], hit.path.medium, scratch.points[i]);
       if (triangle.has_face) {
         scratch.face_points[i] =
             face_point(triangle, hit, transform, scratch.points[i].width_world, inputs_.settings.seed);
@@ -149,13 +150,26 @@ class Shader {
     if (hit.is_shadow) {
       const size_t at = out.next_shadow(hit.path.sample);
       out_.shadow_rays[at] = ray_beyond(inputs_.settings, hit, *q.point);
-      out_.shadows[at] = {hit.path.sink, hit.path.sample, hit.path.bounce, hit.path.throughput};
+      out_.shadows[at] = {hit.path.sink, hit.path.sample, medium_beyond(*q.point, hit.direction_world), hit.path.bounce,
+                          hit.path.throughput};
       return;
     }
     const size_t at = out.next_path(hit.path.sample);
     out_.path_rays[at] = ray_beyond(inputs_.settings, hit, *q.point);
     out_.paths[at] = hit.path;
     out_.paths[at].cone_width = q.point->width_world;
+    out_.paths[at].medium = medium_beyond(*q.point, hit.direction_world);
+  }
+
+  void send_on(const ShadedVertex& vertex, uint32_t sample, ShadedBlock& out) {
+    if (vertex.has_path) {
+      const size_t at = out.next_path(sample);
+      out_.path_rays[at] = vertex.path_ray, out_.paths[at] = vertex.path;
+    }
+    if (vertex.has_shadow) {
+      const size_t at = out.next_shadow(sample);
+      out_.shadow_rays[at] = vertex.shadow_ray, out_.shadows[at] = vertex.shadow;
+    }
   }
 
   void shade_one(const SurfaceQuery& q, BlockScratch& scratch, ShadedBlock& out) {
@@ -163,18 +177,16 @@ class Shader {
     if (q.hit->is_shadow) return;
     const ShadedVertex vertex = shade_vertex(inputs_.settings, *q.hit, *q.point, q.values);
     if (vertex.has_splat) scratch.splats.push_back(vertex.splat);
-    if (vertex.has_path) {
-      const size_t at = out.next_path(q.hit->path.sample);
-      out_.path_rays[at] = vertex.path_ray, out_.paths[at] = vertex.path;
-    }
-    if (vertex.has_shadow) {
-      const size_t at = out.next_shadow(q.hit->path.sample);
-      out_.shadow_rays[at] = vertex.shadow_ray, out_.shadows[at] = vertex.shadow;
-    }
+    send_on(vertex, q.hit->path.sample, out);
     if (inputs_.wants_aovs && q.hit->path.bounce == 0) scratch.aovs.push_back(first_hit_aovs(q));
   }
 
+  void shade_media(std::span<const HitRecord> hits, ShadedBlock& out) {
+    for (const HitRecord& hit : hits) send_on(shade_medium(inputs_.settings, hit), hit.path.sample, out);
+  }
+
   void shade_block(std::span<const HitRecord> hits, std::span<const std::byte> bytes, ShadedBlock& out) {
+    if (hits.front().hit.prim == kMediumPrim) return shade_media(hits, out);
     BlockScratch& scratch = scratches_.local();
     scratch.splats.clear(), scratch.aovs.clear();
     gather(hits, bytes, scratch);
@@ -198,6 +210,14 @@ class Shader {
   std::mutex failure_mutex_;
   Status failure_;
 };
+
+// Hits in media are the last of all; they have no attributes.
+std::pair<std::span<const HitRecord>, std::span<const HitRecord>> surfaces_and_media(std::span<const HitRecord> hits) {
+  const auto first = std::partition_point(hits.begin(), hits.end(),
+                                          [](const HitRecord& h) { return h.hit.prim != kMediumPrim; });
+  const auto count = static_cast<size_t>(first - hits.begin());
+  return {hits.first(count), hits.subspan(count)};
+}
 
 // The attribute blocks that these sorted hits need, ascending.
 std::vector<uint32_t> blocks_touched(std::span<const HitRecord> hits, const AttributeStore& attributes) {
@@ -242,7 +262,10 @@ Status shade_hits(const ShadeInputs& inputs, cache::ExternalSort<HitRecord>& hit
     return {};
   };
   // Hits of ascending triangles: their blocks follow each other in the file.
-  const auto shade_run = [&](std::span<const HitRecord> run) -> Status {
+  const auto shade_run = [&](std::span<const HitRecord> all) -> Status {
+    const auto [run, in_media] = surfaces_and_media(all);
+    SPILLWAY_TRY(shade_range(in_media, {}));
+    if (run.empty()) return {};
     const bool resident = attributes.parts().all_resident();
     const std::vector<uint32_t> blocks =
         resident && scratch.touched_blocks == nullptr ? std::vector<uint32_t>{} : blocks_touched(run, attributes);

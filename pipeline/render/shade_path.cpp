@@ -2,6 +2,8 @@
 
 #include <cmath>
 
+#include "shading/medium.h"
+
 namespace spillway::pipeline {
 namespace {
 
@@ -102,16 +104,13 @@ bool emission_splat(const PathSettings& settings, const HitRecord& hit, const Sh
   return true;
 }
 
-// A ray from the point to where the light was sampled, short of the light itself.
-cache::TraceRay shadow_ray(const PathSettings& settings, const ShadingPoint& point,
-                           const shading::LightSample& sample) {
-  const Float3 origin = shading::ray_origin(point.position, point.normal_geometric, sample.w_next_world,
-                                            settings.lights.scene_radius_world);
-  if (!std::isfinite(sample.distance)) return {origin, INFINITY, sample.w_next_world, point.time};
+// A ray from `origin` to where the light was sampled, short of the light itself.
+cache::TraceRay shadow_ray(Float3 origin, const shading::LightSample& sample, float time) {
+  if (!std::isfinite(sample.distance)) return {origin, INFINITY, sample.w_next_world, time};
   const Float3 to_light = sample.point_world - origin;
   // The light's own surface lies at 1, give or take the rounding of coordinates of this size.
   const float margin = 64 * 0x1p-24f * (1 + max_abs(sample.point_world) / sample.distance);
-  return {origin, 1 - margin, to_light, point.time};
+  return {origin, 1 - margin, to_light, time};
 }
 
 // Who receives light here, as a tree sees it: a normal on the side that the path came from, where light of the other
@@ -135,22 +134,34 @@ void next_event(const PathSettings& settings, const HitRecord& hit, const Shadin
   const float weight = light.is_delta ? 1 : shading::power_heuristic(light.pdf_solid_angle, f.pdf_solid_angle);
   const Rgb contribution = hit.path.throughput * f.f_cos * light.radiance * (weight / light.pdf_solid_angle);
   if (is_black(contribution)) return;
-  out.shadow_ray = shadow_ray(settings, point, light);
+  const Float3 origin = shading::ray_origin(point.position, point.normal_geometric, light.w_next_world,
+                                            settings.lights.scene_radius_world);
+  out.shadow_ray = shadow_ray(origin, light, point.time);
   if (!(out.shadow_ray.t_max > 0)) return;
-  out.shadow = {hit.path.sink, hit.path.sample, hit.path.bounce, contribution};
+  out.shadow = {hit.path.sink, hit.path.sample, medium_beyond(point, light.w_next_world), hit.path.bounce, contribution};
   out.has_shadow = true;
 }
 
+// At a surface; beyond kRouletteCapBounce even a lossless path ends.
+float surface_cap(const PathRecord& path) { return path.bounce < kRouletteCapBounce ? 1.0f : kRouletteSurvivalCap; }
+// Gas that loses nothing is left sooner or later, after thousands of collisions where it is thick: survivors of a cap
+// would then carry e^(0.03 n), whose variance has no bound.
+constexpr float kMediumCap = 1;
+
 // Ends the path with a chance that grows as it carries less; survivors carry more.
-bool survives_roulette(PathRecord& path, float u) {
+bool survives_roulette(PathRecord& path, float u, float cap) {
   if (path.bounce < kRouletteFirstBounce) return true;
   const Rgb t = path.throughput;
   const float carried = std::max({std::fabs(t.r), std::fabs(t.g), std::fabs(t.b)}) * path.eta_scale;
-  const float cap = path.bounce < kRouletteCapBounce ? 1.0f : kRouletteSurvivalCap;
   const float survival = std::min(carried, cap);
   if (u >= survival) return false;
   path.throughput = path.throughput * (1 / survival);
   return true;
+}
+
+// A broad lobe spreads the cone: half the angle whose solid angle is 1/pdf (Akenine-Moeller et al. 2021, section 4).
+void spread_cone(PathRecord& path, float pdf_solid_angle) {
+  path.cone_spread = std::max(path.cone_spread, 0.5f / std::sqrt(std::max(1.0f, pdf_solid_angle)));
 }
 
 void next_direction(const PathSettings& settings, const HitRecord& hit, const ShadingPoint& point,
@@ -164,13 +175,13 @@ void next_direction(const PathSettings& settings, const HitRecord& hit, const Sh
   path.bounce += 1;
   path.throughput *= sample.weight;
   path.eta_scale *= sample.eta_scale;
-  if (!survives_roulette(path, choose.y)) return;
+  if (!survives_roulette(path, choose.y, surface_cap(path))) return;
   path.pdf_previous = sample.is_delta ? 0 : sample.pdf_solid_angle;
   path.position_previous = receiver.position_world, path.normal_previous = receiver.packed_normal;
   path.cone_width = point.width_world;
-  // A broad lobe spreads the cone: half the angle whose solid angle is 1/pdf (Akenine-Moeller et al. 2021, section 4).
-  if (!sample.is_delta) path.cone_spread = std::max(path.cone_spread, 0.5f / std::sqrt(std::max(1.0f, sample.pdf_solid_angle)));
+  if (!sample.is_delta) spread_cone(path, sample.pdf_solid_angle);
   const Float3 w_next = frame.world_from_local(sample.w_next_local);
+  path.medium = medium_beyond(point, w_next);
   const Float3 origin =
       shading::ray_origin(point.position, point.normal_geometric, w_next, settings.lights.scene_radius_world);
   out.path_ray = {origin, INFINITY, w_next, point.time};
@@ -194,6 +205,54 @@ ShadedVertex shade_vertex(const PathSettings& settings, const HitRecord& hit, co
   next_event(settings, hit, point, surface, receiver, frame, w_prev_local, points, out);
   next_direction(settings, hit, point, surface, receiver, frame, w_prev_local, points, out);
   return out;
+}
+
+namespace {
+
+void next_event_in_medium(const PathSettings& settings, const HitRecord& hit, float g, float time,
+                          const shading::BouncePoints& points, ShadedVertex& out) {
+  if (settings.lights.empty()) return;
+  const Float3 place = hit.path.position_previous;
+  const shading::LightSample light = shading::sample_light(
+      settings.lights, {place, 0}, points[shading::kBounceLightSelect], points[shading::kBounceLight]);
+  if (!(light.pdf_solid_angle > 0) || is_black(light.radiance)) return;
+  const float phase = shading::henyey_greenstein(g, dot(hit.direction_world, light.w_next_world));
+  const float weight = light.is_delta ? 1 : shading::power_heuristic(light.pdf_solid_angle, phase);
+  const Rgb contribution = hit.path.throughput * light.radiance * (phase * weight / light.pdf_solid_angle);
+  if (is_black(contribution)) return;
+  out.shadow_ray = shadow_ray(place, light, time);
+  if (!(out.shadow_ray.t_max > 0)) return;
+  out.shadow = {hit.path.sink, hit.path.sample, hit.path.medium, hit.path.bounce, contribution};
+  out.has_shadow = true;
+}
+
+}  // namespace
+
+ShadedVertex shade_medium(const PathSettings& settings, const HitRecord& hit) {
+  ShadedVertex out;
+  if (hit.path.bounce >= settings.max_depth) return out;
+  const float g = settings.media[hit.path.medium].g;
+  const shading::SampleKey key = sample_key(hit.path, settings.seed, settings.sampler);
+  const float time = ray_time(settings.shutter, key);
+  const shading::BouncePoints points = shading::sample_bounce(key, hit.path.bounce);
+  next_event_in_medium(settings, hit, g, time, points, out);
+  const Float3 w_next = shading::sample_henyey_greenstein(g, hit.direction_world, points[shading::kBounceBsdf]);
+  out.path = hit.path;
+  out.path.bounce += 1;
+  out.path.normal_previous = 0;  // receives from all sides
+  if (!survives_roulette(out.path, points[shading::kBounceLobeAndRoulette].y, kMediumCap)) return out;
+  out.path.pdf_previous = shading::henyey_greenstein(g, dot(hit.direction_world, w_next));
+  out.path.cone_width = hit.path.cone_width + hit.path.cone_spread * hit.hit.t * length(hit.direction_world);
+  spread_cone(out.path, out.path.pdf_previous);
+  out.path_ray = {hit.path.position_previous, INFINITY, w_next, time};
+  out.has_path = true;
+  return out;
+}
+
+void set_media(const Mesh& mesh, uint32_t medium_of_ray, ShadingPoint& point) {
+  const bool divides = (mesh.flags & kMeshDividesMedia) != 0;
+  point.medium_inside = divides ? mesh.medium_inside : medium_of_ray;
+  point.medium_outside = divides ? mesh.medium_outside : medium_of_ray;
 }
 
 SplatRecord escaped_splat(const PathSettings& settings, const PathRecord& path, Float3 direction_world) {

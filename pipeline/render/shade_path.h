@@ -35,8 +35,16 @@ struct ShadingPoint {
   float width_world;        // footprint of the path's cone on a surface that faces it
   float width_uv;           // the same in uv units
   float time;               // of the path: the rays that leave keep it
+  // What a ray that leaves is in, by the side of normal_geometric that it leaves on.
+  uint32_t medium_inside = kNoMedium, medium_outside = kNoMedium;
   const FacePoint* face = nullptr;  // of a mesh with face textures
 };
+
+// The media on both sides: those of a mesh that divides media, else the one that the ray came through.
+void set_media(const Mesh& mesh, uint32_t medium_of_ray, ShadingPoint& point);
+[[nodiscard]] inline uint32_t medium_beyond(const ShadingPoint& point, Float3 w_next) {
+  return dot(w_next, point.normal_geometric) > 0 ? point.medium_outside : point.medium_inside;
+}
 
 // Transforms of the instance that was hit, at the time of the path; null: the world itself.
 struct InstanceTransform {
@@ -59,6 +67,7 @@ struct PathSettings {
   uint32_t seed = 0;
   shading::SamplerKind sampler = shading::SamplerKind::sobol;
   Shutter shutter = {};
+  std::span<const Medium> media = {};
 };
 
 // Numbers that a vertex still needs from the scene's tables and textures.
@@ -84,6 +93,10 @@ struct ShadedVertex {
 // except that survival is capped, so that lossless scenes end.
 [[nodiscard]] ShadedVertex shade_vertex(const PathSettings& settings, const HitRecord& hit, const ShadingPoint& point,
                                         const SurfaceValues& surface);
+
+// A place where a path collided in its medium: next-event estimation by the phase function, and the next direction.
+// What it weighs and emits track_media has said already; hit.path.position_previous is the place.
+[[nodiscard]] ShadedVertex shade_medium(const PathSettings& settings, const HitRecord& hit);
 
 // Light from outside the scene; has_splat false when there is none.
 [[nodiscard]] SplatRecord escaped_splat(const PathSettings& settings, const PathRecord& path, Float3 direction_world);

@@ -3,12 +3,14 @@
 #include <algorithm>
 #include <atomic>
 #include <bit>
+#include <optional>
 #include <utility>
 #include <vector>
 
 #include "cache/base/check.h"
 #include "cache/base/parallel.h"
 #include "cache/trace_log.h"
+#include "pipeline/render/pair_pool.h"
 
 namespace spillway::pipeline {
 namespace {
@@ -19,16 +21,6 @@ using cache::TraceHit;
 using cache::TraceMode;
 using cache::TracePageView;
 using cache::TraceRay;
-
-// A visit that is due: `ray` counts paths first, then shadow rays.
-struct Pair {
-  uint32_t ray, instance;
-};
-
-// The pairs of one page and one chunk of the order: pairs[start .. start + count), rays in order.
-struct Cell {
-  uint32_t start, count;
-};
 
 // Consecutive pages that are swept together.
 struct Window {
@@ -122,7 +114,9 @@ class Tracer {
     __builtin_prefetch(&hit_at(ray), 1);
   }
   std::span<const PageVisit> trace_first(uint32_t ray, VisitList& visits, TraceCounters& work) const;
+  void add_due(uint32_t ray, Cell& cell, uint32_t instance);
   void trace_page(const TracePageView& view, uint32_t instance, uint32_t ray, TraceCounters& work) const;
+  void trace_span(const TracePageView& view, std::span<const Pair> pairs, TraceCounters& work) const;
   template <class Body>
   void for_each_waiting(size_t first, size_t last, const Body& body);
 
@@ -137,6 +131,8 @@ class Tracer {
   void list_pages(const Window& window);
   void cut_blocks(uint32_t page);
   void trace_pairs(uint32_t page, const TracePageView& view);
+  void trace_listed(uint32_t page, const TracePageView& view);
+  Status sweep_window(const Window& window);
   void trace_by_ray(uint32_t page, const TracePageView& view);
 
   const cache::PageTree& tree_;
@@ -154,7 +150,9 @@ class Tracer {
   size_t chunk_count_ = 0, chunk_rays_ = 0;
   Buffer<Cell> cells_;  // [chunk][page]
   std::vector<uint64_t> page_pairs_;
-  Buffer<Pair> pairs_;
+  std::optional<PairPool> pool_;      // pairs as they were found,
+  std::atomic<bool> listed_ = false;  // all of them;
+  Buffer<Pair> pairs_;                // else those of a window
   std::vector<uint32_t> window_pages_;
   std::vector<std::pair<uint32_t, uint32_t>> blocks_;
 };
@@ -166,8 +164,10 @@ std::span<const PageVisit> Tracer::trace_first(uint32_t ray, VisitList& visits, 
   const TraceRay& r = ray_at(ray);
   TraceHit hit = cache::no_hit(r);
   const TraceMode mode = is_path(ray) ? TraceMode::nearest : TraceMode::occlusion;
-  const std::span<const PageVisit> due = visits.trace(tree_, known(), mode, r, hit, work);
+  std::span<const PageVisit> due = visits.trace(tree_, pages_.resident(), mode, r, hit, work);
   hit_at(ray) = (hit.flags & cache::kHitOccluded) != 0 ? kOccluded : hit;
+  // What was due before the hit may lie behind it.
+  if (!due.empty() && is_path(ray) && hit.prim != PrimId::kNone) due = pages_ahead(ray, 0, page_count_, visits);
   return due;
 }
 
@@ -183,9 +183,18 @@ void Tracer::trace_all_resident() {
   });
 }
 
-// Traces what is in memory, and counts for each page the rays that still need it. Returns whether there are any.
+// Lists the pair while there is room for all of them, and counts it in any case.
+void Tracer::add_due(uint32_t ray, Cell& cell, uint32_t instance) {
+  if (listed_.load(std::memory_order_relaxed) && pool_->add(cell, {ray, instance})) return;
+  listed_.store(false, std::memory_order_relaxed);
+  ++cell.count;
+}
+
+// Traces what is in memory, and lists for each page the rays that still need it. Returns whether there are any.
 bool Tracer::trace_resident_first() {
   cut_chunks();
+  pool_.emplace(pair_capacity_ - pair_capacity_ / 32, chunk_count_ * page_count_);  // its links are the 32nd part
+  listed_ = true;
   waiting_ = Buffer<uint64_t>(MemoryTag::rays, block_count(batch_.order.size(), kWordRays));
   std::atomic<uint64_t> waiting_count = 0;
   for_each_chunk([&](size_t chunk, size_t first, size_t last) {
@@ -194,10 +203,11 @@ bool Tracer::trace_resident_first() {
     uint64_t count = 0;
     for (size_t i = first; i < last; ++i) {
       if (i + kPrefetch < last) prefetch(batch_.order[i + kPrefetch]);
-      const std::span<const PageVisit> due = trace_first(batch_.order[i], visits, work);
+      const uint32_t ray = batch_.order[i];
+      const std::span<const PageVisit> due = trace_first(ray, visits, work);
       if (due.empty()) continue;
       waiting_[i / kWordRays] |= uint64_t{1} << (i % kWordRays);
-      for (const PageVisit& visit : due) ++cell(chunk, visit.page).count;
+      for (const PageVisit& visit : due) add_due(ray, cell(chunk, visit.page), visit.instance);
       ++count;
     }
     waiting_count += count;
@@ -375,18 +385,32 @@ void Tracer::cut_blocks(uint32_t page) {
   }
 }
 
+void Tracer::trace_span(const TracePageView& view, std::span<const Pair> pairs, TraceCounters& work) const {
+  for (size_t i = 0; i < pairs.size(); ++i) {
+    if (i + kPrefetch < pairs.size()) prefetch(pairs[i + kPrefetch].ray);
+    trace_page(view, pairs[i].instance, pairs[i].ray, work);
+  }
+}
+
 void Tracer::trace_pairs(uint32_t page, const TracePageView& view) {
   cut_blocks(page);
   parallel_blocks(blocks_.size(), 1, [&](size_t block, size_t, size_t) {
     const auto [first, last] = blocks_[block];
     TraceCounters work;
-    for (uint32_t i = first; i < last; ++i) {
-      if (i + kPrefetch < last) prefetch(pairs_[i + kPrefetch].ray);
-      trace_page(view, pairs_[i].instance, pairs_[i].ray, work);
-    }
+    trace_span(view, {pairs_.data() + first, last - first}, work);
     work_.add(work);
   });
   for (const auto& [first, last] : blocks_) report_.pair_count += last - first;
+}
+
+// A chunk's list is one task: a ray's pairs lie in one chunk.
+void Tracer::trace_listed(uint32_t page, const TracePageView& view) {
+  parallel_blocks(chunk_count_, 1, [&](size_t chunk, size_t, size_t) {
+    TraceCounters work;
+    pool_->for_each_piece(cell(chunk, page), [&](std::span<const Pair> pairs) { trace_span(view, pairs, work); });
+    work_.add(work);
+  });
+  report_.pair_count += page_pairs_[page];
 }
 
 void Tracer::trace_by_ray(uint32_t page, const TracePageView& view) {
@@ -407,24 +431,33 @@ void Tracer::trace_by_ray(uint32_t page, const TracePageView& view) {
   report_.pair_count += pair_count;
 }
 
+Status Tracer::sweep_window(const Window& window) {
+  list_pages(window);
+  ++report_.window_count;
+  report_.pages_touched += window_pages_.size();
+  const cache::TraceSpan span("sweep", "sweep");
+  return pages_.pages().sweep(window_pages_, [&](uint32_t page, std::span<const std::byte> bytes) -> Status {
+    const cache::TraceSpan page_span("sweep", "page");
+    const TracePageView view = cache::trace_page_view(bytes);
+    if (window.by_ray)
+      trace_by_ray(page, view);
+    else
+      listed_ ? trace_listed(page, view) : trace_pairs(page, view);
+    return {};
+  });
+}
+
 Status Tracer::sweep() {
   const std::vector<Window> windows = cut_windows();
+  if (listed_) return sweep_window({0, page_count_, 0, false});
+  pool_.reset();
   uint64_t most = 0;
   for (const Window& window : windows)
     if (!window.by_ray) most = std::max(most, window.pair_count);
   pairs_ = Buffer<Pair>(MemoryTag::rays, most);
   for (const Window& window : windows) {
     if (!window.by_ray) emit_pairs(window);
-    list_pages(window);
-    ++report_.window_count;
-    report_.pages_touched += window_pages_.size();
-    const cache::TraceSpan span("sweep", "sweep");
-    SPILLWAY_TRY(pages_.pages().sweep(window_pages_, [&](uint32_t page, std::span<const std::byte> bytes) -> Status {
-      const cache::TraceSpan page_span("sweep", "page");
-      const TracePageView view = cache::trace_page_view(bytes);
-      window.by_ray ? trace_by_ray(page, view) : trace_pairs(page, view);
-      return {};
-    }));
+    SPILLWAY_TRY(sweep_window(window));
   }
   return {};
 }

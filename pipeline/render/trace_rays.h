@@ -5,8 +5,8 @@
 // In: hot columns of path and shadow rays, and the order (a permutation of all of them) that sort_rays chose.
 // Out: a TraceHit each, at the ray's own index. Occluded shadow rays: kHitOccluded and nothing else.
 // Memory: tag rays. None when every page is resident. Else one bit a ray, and when rays wait for pages: (page, ray)
-//         pairs up to pair_limit_bytes and a table of pairs by page and range of rays (at most 32 MiB). More pairs: the sweep
-//         is cut into windows of pages; a page with more pairs than the limit is met ray by ray, without pairs.
+//         pairs up to pair_limit_bytes, listed as they are found, and a table of them by page and range of rays (at most
+//         32 MiB). More pairs: they are found again, window of pages by window of pages; a page with more pairs than the limit is met ray by ray, without pairs.
 // Order: the nearest hit is a minimum over (t, instance, prim): any order of rays, pages, windows gives the same.
 //        Within a page all pairs of a ray belong to one task.
 // Based on: Hyperion (Eisenacher et al. 2013) for sorted batches; PantaRay (Pantaleoni et al. 2010) for paged geometry.

@@ -25,6 +25,13 @@ std::vector<PackTriangle> soup(uint32_t count, Random& random) {
   return triangles;
 }
 
+// Far away, and in the world: so that there is a node whose boxes decide.
+void finish_with_landmark(KernelScene& scene) {
+  const PackTriangle landmark{{{40, 40, 40}, {41, 40, 40}, {40, 41, 40}}, 1000};
+  scene.add_page({&landmark, 1});
+  scene.finish();
+}
+
 bool same_bits(const TraceHit& a, const TraceHit& b) { return std::memcmp(&a, &b, sizeof a) == 0; }
 
 TEST(TraceMotion, a_moving_instance_is_hit_where_a_still_one_would_be_at_that_time) {
@@ -39,13 +46,13 @@ TEST(TraceMotion, a_moving_instance_is_hit_where_a_still_one_would_be_at_that_ti
     KernelScene moving;
     moving.add_page(triangles, 1);
     moving.add_moving_instance(1, *motion);
-    moving.finish();
+    finish_with_landmark(moving);
     for (const float time : {0.0f, random.in(0, 1), random.in(0, 1), 1.0f}) {
       KernelScene still;
       const Affine3 place = transform_at(*motion, time);
       still.add_page(triangles, 1);
       still.add_instance(1, place);
-      still.finish();
+      finish_with_landmark(still);
       for (int k = 0; k < 500; ++k) {
         TraceRay ray = ray_from_to(random.point(15), place.point(random.point(2)));
         ray.time = time;
@@ -86,7 +93,7 @@ TEST(TraceMotion, hits_at_random_times_are_those_of_brute_force) {
   KernelScene scene;
   scene.add_page(triangles, 1);
   scene.add_moving_instance(1, *motion);
-  scene.finish();
+  finish_with_landmark(scene);
   int hits = 0, differences = 0;
   for (int i = 0; i < 5000; ++i) {
     const float time = random.in(0, 1);

@@ -72,6 +72,56 @@ LimitVertices refined_limit(const SubdivisionCage& cage, int levels) {
   return limit;
 }
 
+// Where a vertex goes: its ring of faces is subdivided again and again. What lies outside the ring does not reach it.
+Real3 limit_of_vertex(const SubdivisionCage& cage, uint32_t vertex) {
+  std::vector<Real3> points;
+  for (const Float3 p : cage.positions) points.push_back({{p.x, p.y, p.z}});
+  std::vector<int> counts, corners(cage.indices.begin(), cage.indices.end()), edges;
+  for (uint32_t f = 0; f < cage.face_count(); ++f) counts.push_back(static_cast<int>(cage.corner_count(f)));
+  std::vector<float> sharpness;
+  for (const SharpEdge& e : cage.sharp_edges) {
+    edges.insert(edges.end(), {static_cast<int>(e.vertices[0]), static_cast<int>(e.vertices[1])});
+    sharpness.push_back(e.sharpness);
+  }
+  auto v = static_cast<int>(vertex);
+  for (int round = 0; round < 40; ++round) {
+    Far::TopologyDescriptor d;
+    d.numVertices = static_cast<int>(points.size()), d.numFaces = static_cast<int>(counts.size());
+    d.numVertsPerFace = counts.data(), d.vertIndicesPerFace = corners.data();
+    d.numCreases = static_cast<int>(sharpness.size()), d.creaseVertexIndexPairs = edges.data(), d.creaseWeights = sharpness.data();
+    Sdc::Options options;
+    options.SetVtxBoundaryInterpolation(Sdc::Options::VTX_BOUNDARY_EDGE_AND_CORNER);
+    using Factory = Far::TopologyRefinerFactory<Far::TopologyDescriptor>;
+    const std::unique_ptr<Far::TopologyRefiner> refiner(Factory::Create(d, Factory::Options(Sdc::SCHEME_CATMARK, options)));
+    Far::TopologyRefiner::UniformOptions uniform(1);
+    uniform.fullTopologyInLastLevel = true;
+    refiner->RefineUniform(uniform);
+    const Far::TopologyLevel& level = refiner->GetLevel(1);
+    std::vector<Real3> finer(static_cast<size_t>(level.GetNumVertices()));
+    Far::PrimvarRefinerReal<double>(*refiner).Interpolate(1, points, finer);
+    const int child = refiner->GetLevel(0).GetVertexChildVertex(v);
+    // The ring alone, numbered as it is met.
+    std::unordered_map<int, int> number;
+    const auto numbered = [&](int old) { return number.try_emplace(old, static_cast<int>(number.size())).first->second; };
+    points.clear(), counts.clear(), corners.clear(), edges.clear(), sharpness.clear();
+    const Far::ConstIndexArray ring = level.GetVertexFaces(child);
+    for (int f = 0; f < ring.size(); ++f) {
+      counts.push_back(4);
+      for (int k = 0; k < 4; ++k) corners.push_back(numbered(level.GetFaceVertices(ring[f])[k]));
+    }
+    points.resize(number.size());
+    for (const auto& [old, now] : number) points[static_cast<size_t>(now)] = finer[static_cast<size_t>(old)];
+    const Far::ConstIndexArray spokes = level.GetVertexEdges(child);
+    for (int e = 0; e < spokes.size(); ++e) {
+      const Far::ConstIndexArray ends = level.GetEdgeVertices(spokes[e]);
+      edges.insert(edges.end(), {numbered(ends[0]), numbered(ends[1])});
+      sharpness.push_back(level.GetEdgeSharpness(spokes[e]));
+    }
+    v = number.at(child);
+  }
+  return points[static_cast<size_t>(v)];
+}
+
 // Finds points again in cells of 1/1000.
 class PointIndex {
  public:
@@ -158,6 +208,30 @@ TEST(dice_cage, sharp_loops_and_corners_are_followed) {
     }
 }
 
+TEST(dice_cage, darts_lie_where_subdivision_for_ever_leads) {
+  CageData data = creased_cage();
+  data.sharp_vertices = {};
+  const SubdivisionCage cage = data.cage();
+  const LimitVertices limit = refined_limit(cage, 5);
+  const PointIndex index(limit.p);
+  const Real3 darts[] = {limit_of_vertex(cage, 3), limit_of_vertex(cage, 6)};
+  for (const uint32_t pieces : {1u, 32u}) {
+    double worst = 0;
+    int dart_count = 0;
+    for (const DicedPiece& piece : diced(cage, equal_pieces(pieces)))
+      for (const Float3 p : piece.positions) {
+        double away = index.nearest(p).first;
+        for (const Real3& dart : darts) {
+          const double from_dart = std::hypot(dart.v[0] - p.x, dart.v[1] - p.y, dart.v[2] - p.z);
+          if (from_dart < 1e-3) away = from_dart, ++dart_count;  // the masks of five levels are not its limit
+        }
+        worst = std::max(worst, away);
+      }
+    EXPECT_LT(worst, kTolerance);
+    EXPECT_GE(dart_count, 2);
+  }
+}
+
 TEST(dice_cage, normals_are_those_of_the_limit_surface) {
   for (const CageData& data : {cube_cage(), tent_cage(), prism_cage()}) {
     const SubdivisionCage cage = data.cage();
@@ -241,6 +315,71 @@ TEST(dice_cage, normals_turn_with_the_mesh) {
     EXPECT_LT(dot(pieces[0].normals[i], pieces[0].positions[i] - Float3{.5f, .5f, .5f}), 0);
 }
 
+// ---- displacement ----
+
+HeightsAt constant_height(float height) {
+  return [height](std::span<const HeightPlace> places, std::span<float> heights) {
+    for (size_t i = 0; i < places.size(); ++i) heights[i] = height;
+  };
+}
+
+TEST(dice_cage, a_constant_height_offsets_the_surface_and_leaves_its_normals) {
+  for (const CageData& data : {cube_cage(), prism_cage(), sheet_cage(4)}) {
+    const auto flat = diced(data.cage(), equal_pieces(8)), raised = diced(data.cage(), equal_pieces(8), constant_height(0.25f));
+    ASSERT_EQ(flat[0].positions.size(), raised[0].positions.size());
+    for (size_t i = 0; i < flat[0].positions.size(); ++i) {
+      const Float3 moved = raised[0].positions[i] - flat[0].positions[i];
+      ASSERT_LT(length(moved - flat[0].normals[i] * 0.25f), 1e-6) << i;
+      // Offsets of a surface are parallel to it; the normals around an extraordinary vertex change too fast for differences.
+      ASSERT_GT(dot(raised[0].normals[i], flat[0].normals[i]), 1 - 2e-3) << i;
+    }
+  }
+}
+
+TEST(dice_cage, slopes_of_heights_turn_normals) {
+  // A flat sheet raised by a plane: the normal of that plane everywhere.
+  CageData sheet = sheet_cage(3);
+  for (Float3& p : sheet.positions) p.z = 0;
+  const HeightsAt plane = [](std::span<const HeightPlace> places, std::span<float> heights) {
+    for (size_t i = 0; i < places.size(); ++i) heights[i] = 0.5f * places[i].position.x - 0.25f * places[i].position.y;
+  };
+  const Float3 normal = normalize(Float3{-0.5f, 0.25f, 1});
+  for (const DicedPiece& piece : diced(sheet.cage(), any_pieces(8), plane))
+    for (size_t i = 0; i < piece.positions.size(); ++i) {
+      const Float3 p = piece.positions[i];
+      ASSERT_NEAR(p.z, 0.5f * p.x - 0.25f * p.y, 1e-6);
+      ASSERT_GT(dot(piece.normals[i], normal), 1 - 1e-6);
+    }
+}
+
+TEST(dice_cage, heights_are_filtered_to_the_dicing) {
+  CageData sheet = sheet_cage(2);
+  for (Float3& p : sheet.positions) p.z = 0;
+  sheet.uv_rule = UvRule::all;
+  const HeightsAt widths = [](std::span<const HeightPlace> places, std::span<float> heights) {
+    for (size_t i = 0; i < places.size(); ++i) {
+      EXPECT_LT(places[i].width_uv, 2.0f / (2 * 4));  // a step of one of 4 pieces of one of 2 faces, at most twice
+      EXPECT_GT(places[i].width_uv, 0.2f / (2 * 4));
+      heights[i] = 0;
+    }
+  };
+  diced(sheet.cage(), equal_pieces(4), widths);
+}
+
+TEST(dice_cage, displacement_opens_nothing) {
+  // Different on both sides of a seam of uvs, and of a crease.
+  const HeightsAt by_uv = [](std::span<const HeightPlace> places, std::span<float> heights) {
+    for (size_t i = 0; i < places.size(); ++i) heights[i] = 0.3f * places[i].uv.x + 0.2f * places[i].uv.y;
+  };
+  EXPECT_TRUE(unpaired_edges(directed_edges(diced(torus_cage(9, 7).cage(), any_pieces(16), by_uv))).empty());
+  const HeightsAt by_normal = [](std::span<const HeightPlace> places, std::span<float> heights) {
+    for (size_t i = 0; i < places.size(); ++i) heights[i] = 0.1f * places[i].normal.x + 0.05f * places[i].normal.z;
+  };
+  CageData box = creased_cage();
+  box.sharp_edges = {{{0, 1}, 10}, {{1, 2}, 10}, {{2, 3}, 10}, {{3, 0}, 10}, {{4, 8}, 10}};
+  EXPECT_TRUE(unpaired_edges(directed_edges(diced(box.cage(), any_pieces(16), by_normal))).empty());
+}
+
 // ---- cages that are wrong ----
 
 std::string refusal(const std::function<void(CageData&)>& change) {
@@ -273,6 +412,7 @@ TEST(dice_cage, wrong_cages_are_refused_with_what_and_where) {
   EXPECT_EQ(refusal([](CageData& c) { c.sharp_edges = {{{0, 99}, 1}}; }),
             "box: a crease goes from vertex 0 to 99, where there is no edge");
   EXPECT_EQ(refusal([](CageData& c) { c.sharp_vertices = {{8, 1}}; }), "box: corner 0 names vertex 8 of 8");
+  EXPECT_EQ(refusal([](CageData& c) { c.displacement_scale = INFINITY; }), "box: its displacement is scaled by inf");
   EXPECT_EQ(refusal([](CageData& c) { c.sharp_vertices = {{0, NAN}}; }), "box: corner 0 has sharpness nan; 0 to 10 make sense");
 }
 

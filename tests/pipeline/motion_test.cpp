@@ -115,8 +115,8 @@ Result<Attributes> read_attributes(const Store& store) {
 
 TEST_F(MovingScene, shoots_while_the_shutter_is_open) {
   const SceneSettings& settings = store_->settings();
-  CameraRays camera(settings.camera, settings.filter, {0, 0, 48, 32}, settings.render.seed,
-                    settings.render.sampler, ray_times(*store_, settings));
+  CameraRays camera(settings.camera, settings.filter, {0, 0, 48, 32}, settings.render.seed, settings.render.sampler,
+                    ray_times(*store_, settings));
   camera.begin({0, 0, 8});
   std::vector<cache::TraceRay> rays(48 * 32 * 8);
   std::vector<PathRecord> paths(rays.size());
@@ -136,14 +136,14 @@ TEST_F(MovingScene, shades_each_hit_where_and_when_it_was_found) {
   const Result<Attributes> attributes = read_attributes(*store_);
   ASSERT_TRUE(attributes) << attributes.error().message;
   ShadeInputs inputs;
-  inputs.settings = {store_->light_table(), 5, 0, shading::SamplerKind::sobol, shutter_of(store_->settings())};
+  inputs.settings = {store_->light_table(), 5, 0, shading::SamplerKind::independent, shutter_of(store_->settings())};
   inputs.instances = store_->instances(), inputs.motions = store_->motions();
   Random random(1);
   int moving = 0;
   for (uint32_t i = 0; i < 5000; ++i) {
     PathRecord path{};
     path.sink = i;
-    const float time = ray_time(inputs.settings.shutter, sample_key(path, 0));
+    const float time = ray_time(inputs.settings.shutter, sample_key(path, 0, shading::SamplerKind::independent));
     const Motion& motion = store_->motions()[1 + random.below(static_cast<uint32_t>(store_->motions().size()) - 1)];
     const Float3 target = transform_at(motion, time).point(random.point(0.2f));
     cache::TraceRay ray = ray_from_to(target + normalize(random.point(1)), target);

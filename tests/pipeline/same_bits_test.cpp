@@ -358,5 +358,72 @@ TEST_F(SameBits, another_seed_is_another_image) {
   EXPECT_NE(render(o, 2).report.image_hash, hash_);
 }
 
+// The same laws in media: haze, a fire of bricks, milk in glass.
+class SameBitsInMedia : public testing::Test {
+ protected:
+  SameBitsInMedia() {
+    SmallSceneOptions scene;
+    scene.has_media = true;
+    auto store = pack_small_scene(directory_.path(), "media", scene);
+    EXPECT_TRUE(store) << store.error().message;
+    store_ = std::make_unique<Store>(std::move(*store));
+    options_.settings = store_->settings();
+    options_.scratch_directory = directory_.path();
+  }
+  static RenderedImage render(const RenderOptions& o, const Store& store, int threads = 2) {
+    tbb::global_control control(tbb::global_control::max_allowed_parallelism, static_cast<size_t>(threads));
+    tbb::task_arena arena(threads);
+    Result<RenderedImage> image = arena.execute([&] { return render_image(store, o); });
+    EXPECT_TRUE(image) << image.error().message;
+    return image ? std::move(*image) : RenderedImage{};
+  }
+
+  TemporaryDirectory directory_;
+  std::unique_ptr<Store> store_;
+  RenderOptions options_;
+};
+
+TEST_F(SameBitsInMedia, as_the_depth_first_reference_for_any_memory_threads_waves_and_bricks) {
+  const RenderedImage image = render(options_, *store_);
+  EXPECT_GT(image.report.track.collision_count, 1000u);
+  EXPECT_GT(image.report.track.run_count, 1000u);
+  EXPECT_EQ(image.report.track.bounded_count, 0u);
+  EXPECT_FALSE(image.report.faults.any());
+  const auto tracer = kernel_tracer(*store_);
+  ASSERT_TRUE(tracer) << tracer.error().message;
+  const auto film = render_reference(*store_, **tracer, {store_->settings(), false});
+  ASSERT_TRUE(film) << film.error().message;
+  EXPECT_EQ((*film)->hash(), image.report.image_hash);
+
+  for (const int threads : {1, 7}) EXPECT_EQ(render(options_, *store_, threads).report.image_hash, image.report.image_hash);
+  RenderOptions o = options_;
+  o.plan.wave_paths = 211;
+  EXPECT_EQ(render(o, *store_).report.image_hash, image.report.image_hash);
+  o = options_;
+  o.plan.volume_bytes = 1 << 16;
+  o.plan.spill = 1;
+  const RenderedImage swept = render(o, *store_);
+  EXPECT_EQ(swept.report.image_hash, image.report.image_hash);
+  EXPECT_GT(swept.report.volumes.parts_evicted, 0u);
+  EXPECT_GT(swept.report.track.bricks_touched, 0u);
+  EXPECT_GT(swept.report.spilled_bytes, 0u);
+  for (const int32_t voxels : {16, 64}) {
+    SmallSceneOptions scene;
+    scene.has_media = true, scene.volume_brick_voxels = voxels;
+    const auto other = pack_small_scene(directory_.path(), fmt::format("bricks{}", voxels), scene);
+    ASSERT_TRUE(other) << other.error().message;
+    EXPECT_NE(other->medium_tables().volumes.bricks.size(), store_->medium_tables().volumes.bricks.size());
+    EXPECT_EQ(render(options_, *other).report.image_hash, image.report.image_hash) << voxels;
+  }
+}
+
+TEST_F(SameBits, a_scene_without_media_runs_no_stage_for_them) {
+  const RenderedImage image = render(options(), 2);
+  EXPECT_FALSE(image.report.has_media);
+  EXPECT_EQ(image.report.memory[static_cast<size_t>(MemoryTag::volumes)].peak_bytes, 0u);
+  EXPECT_FALSE(std::filesystem::exists(store_->volumes_path()));
+  EXPECT_EQ(image.report.track.segment_count, 0u);
+}
+
 }  // namespace
 }  // namespace spillway::test

@@ -29,7 +29,7 @@ SubdivisionInput CageData::input() const {
   input.cage.material = MaterialId{0};
   input.corner_counts = corner_counts, input.uv_indices = uv_indices, input.holes = holes;
   input.sharp_edges = sharp_edges, input.sharp_vertices = sharp_vertices;
-  input.boundary = boundary, input.uv_rule = uv_rule;
+  input.boundary = boundary, input.uv_rule = uv_rule, input.displacement_scale = displacement_scale;
   return input;
 }
 
@@ -126,8 +126,8 @@ EdgePieces equal_pieces(uint32_t pieces) {
   return [pieces](const Float3(&)[3]) { return pieces; };
 }
 
-std::vector<DicedPiece> diced(const SubdivisionCage& cage, const EdgePieces& pieces) {
-  auto dicer = CageDicer::create(cage, pieces);
+std::vector<DicedPiece> diced(const SubdivisionCage& cage, const EdgePieces& pieces, const HeightsAt& heights) {
+  auto dicer = CageDicer::create(cage, pieces, heights);
   SPILLWAY_CHECK(dicer ? "" : dicer.error().message, ==, "");
   (*dicer)->evaluate_shared();
   std::vector<DicedPiece> made;

@@ -23,6 +23,7 @@ struct CageData {
   std::vector<pipeline::SharpVertex> sharp_vertices;
   pipeline::BoundaryRule boundary = pipeline::BoundaryRule::edges_and_corners;
   pipeline::UvRule uv_rule = pipeline::UvRule::corners_plus1;
+  float displacement_scale = 1;
 
   [[nodiscard]] pipeline::SubdivisionInput input() const;
   [[nodiscard]] pipeline::SubdivisionCage cage() const;  // must be right
@@ -41,7 +42,8 @@ pipeline::EdgePieces any_pieces(uint32_t most);
 pipeline::EdgePieces equal_pieces(uint32_t pieces);
 
 // All pieces of a cage, each with points of its own.
-std::vector<pipeline::DicedPiece> diced(const pipeline::SubdivisionCage& cage, const pipeline::EdgePieces& pieces);
+std::vector<pipeline::DicedPiece> diced(const pipeline::SubdivisionCage& cage, const pipeline::EdgePieces& pieces,
+                                        const pipeline::HeightsAt& heights = {});
 
 // How often each directed edge occurs, by the bits of its ends.
 using DirectedEdge = std::array<uint32_t, 6>;

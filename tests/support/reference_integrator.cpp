@@ -10,7 +10,9 @@
 #include "pipeline/render/resolve_material.h"
 #include "pipeline/render/select_lights.h"
 #include "pipeline/render/shade_hits.h"
+#include "pipeline/render/route_hits.h"
 #include "pipeline/render/shade_path.h"
+#include "pipeline/render/track_media.h"
 
 namespace spillway::test {
 namespace {
@@ -65,6 +67,7 @@ class Walker {
     const Tracer& tracer;
     const ShadeInputs& inputs;
     const AttributeStore& attributes;
+    const MediaInputs& media;
     Film& film;
   };
   explicit Walker(const Shared& shared) : s_(shared) {}
@@ -72,6 +75,21 @@ class Walker {
   Status follow(cache::TraceRay ray, PathRecord path) {
     while (true) {
       const cache::TraceHit found = s_.tracer.nearest(ray);
+      if (path.medium != kNoMedium) {
+        MediumSegment segment;
+        const SegmentResult medium = through_medium(ray, found, path, segment);
+        if (!is_black(medium.emitted))
+          splat({path.sink, path.sample, emission_event(path.bounce), path.throughput * medium.emitted});
+        path.throughput *= medium.weight;
+        if (is_black(path.throughput)) return {};
+        if (medium.distance < INFINITY) {
+          const ShadedVertex vertex = shade_medium(s_.inputs.settings, medium_hit(ray, path, medium.distance));
+          if (vertex.has_shadow) SPILLWAY_TRY(follow_shadow(vertex.shadow_ray, vertex.shadow));
+          if (!vertex.has_path) return {};
+          ray = vertex.path_ray, path = vertex.path;
+          continue;
+        }
+      }
       if (found.prim == PrimId::kNone) {
         if (shading::has_infinite_light(s_.inputs.settings.lights))
           splat(escaped_splat(s_.inputs.settings, path, ray.direction_world));
@@ -80,6 +98,7 @@ class Walker {
       const HitRecord hit{found, ray.direction_world, ray.t_max, path, 0};
       SPILLWAY_TRY(resolve(hit));
       if (!query_.stopped) {
+        path.medium = medium_beyond(point_, ray.direction_world);
         ray = ray_beyond(s_.inputs.settings, hit, point_);
         path.cone_width = point_.width_world;
         continue;
@@ -99,19 +118,32 @@ class Walker {
  private:
   void splat(const SplatRecord& record) { s_.film.add({&record, 1}); }
 
-  Status follow_shadow(cache::TraceRay ray, const ShadowRecord& shadow) {
+  // What the ray's medium does to it.
+  template <class Record>
+  SegmentResult through_medium(const cache::TraceRay& ray, const cache::TraceHit& found, const Record& record,
+                               MediumSegment& segment) const {
+    if (!make_segment(s_.media, ray, found, record, segment)) return {};
+    return track_segment(s_.media, segment, std::is_same_v<Record, ShadowRecord>);
+  }
+
+  Status follow_shadow(cache::TraceRay ray, ShadowRecord shadow) {
     while (true) {
       const cache::TraceHit found = s_.tracer.occlusion(ray);
       if (found.flags & cache::kHitOccluded) return {};
+      if (shadow.medium != kNoMedium) {
+        MediumSegment segment;
+        shadow.contribution *= through_medium(ray, found, shadow, segment).weight;
+      }
       if (found.prim == PrimId::kNone) {
         splat({shadow.sink, shadow.sample, shadow_event(shadow.bounce), shadow.contribution});
         return {};
       }
       HitRecord hit{found, ray.direction_world, ray.t_max, {}, 1};
-      hit.path.sink = shadow.sink, hit.path.sample = shadow.sample;
+      hit.path.sink = shadow.sink, hit.path.sample = shadow.sample, hit.path.medium = shadow.medium;
       hit.path.bounce = shadow.bounce, hit.path.throughput = shadow.contribution;
       SPILLWAY_TRY(resolve(hit));
       if (query_.stopped) return {};
+      shadow.medium = medium_beyond(point_, ray.direction_world);
       ray = ray_beyond(s_.inputs.settings, hit, point_);
     }
   }
@@ -124,6 +156,7 @@ class Walker {
     const InstanceTransform transform = instance_transform(s_.inputs, hit, moved);
     const bool flip = s_.inputs.tables.meshes[triangle.mesh.value].flags & kMeshFlipNormals;
     point_ = shading_point(triangle, hit, transform, flip);
+    set_media(s_.inputs.tables.meshes[triangle.mesh.value], hit.path.medium, point_);
     if (triangle.has_face) {
       face_ = face_point(triangle, hit, transform, point_.width_world, s_.inputs.settings.seed);
       point_.face = &face_;
@@ -144,6 +177,8 @@ struct ReferenceState {
   std::unique_ptr<cache::TextureCache> textures;
   std::unique_ptr<TextureEvaluator> evaluator;
   std::unique_ptr<MaterialResolver> resolver;
+  std::unique_ptr<VolumeStore> volumes;
+  MediaInputs media;
   SelectedLights lights;
   ShadeInputs inputs;
 };
@@ -166,6 +201,13 @@ Status open(const Store& store, const ReferenceOptions& options, ReferenceState&
   state.inputs.tables = {store.meshes(), store.materials(), state.evaluator.get()};
   state.inputs.instances = store.page_tree().instances;
   state.inputs.motions = store.motions();
+  state.inputs.settings.media = store.medium_tables().media;
+  state.media = {store.medium_tables(), nullptr, render.seed};
+  if (const auto bricks = store.medium_tables().volumes.bricks; !bricks.empty()) {
+    SPILLWAY_ASSIGN(auto volumes, load_all(store.volumes_path(), bricks, MemoryTag::volumes, cache::validate_volume_brick));
+    state.volumes = std::make_unique<VolumeStore>(std::move(volumes));
+    state.media.volumes = state.volumes.get();
+  }
   state.resolver = std::make_unique<MaterialResolver>(state.inputs.tables, render.seed);
   state.inputs.resolver = state.resolver.get();
   state.inputs.wants_aovs = options.aov_layers;
@@ -189,8 +231,9 @@ Result<std::unique_ptr<Film>> render_reference(const Store& store, const Tracer&
   auto film = std::make_unique<Film>(std::move(empty));
   const uint32_t spp = settings.render.samples_per_pixel;
   CameraRays camera(settings.camera, settings.filter, pixel_window(settings), settings.render.seed,
-                    settings.render.sampler, ray_times(store, settings), settings.film.exposure_scale);
-  const Walker::Shared shared{tracer, state.inputs, *state.attributes, *film};
+                    settings.render.sampler, ray_times(store, settings), settings.film.exposure_scale,
+                    settings.render.camera_medium);
+  const Walker::Shared shared{tracer, state.inputs, *state.attributes, state.media, *film};
   tbb::enumerable_thread_specific<Walker> walkers([&] { return Walker(shared); });
   constexpr size_t kBatch = 1 << 16;
   std::vector<cache::TraceRay> rays(kBatch);

@@ -235,6 +235,71 @@ Status add_objects(Builder& b, ScenePacker& packer, bool moves) {
   return {};
 }
 
+// Smoke that thins out upwards, n samples an axis.
+VolumeInput smoke(const char* name, int32_t n, Float3 corner, float size) {
+  VolumeInput volume;
+  volume.name = name;
+  volume.counts = {n, n, n};
+  for (int32_t z = 0; z < n; ++z)
+    for (int32_t y = 0; y < n; ++y)
+      for (int32_t x = 0; x < n; ++x) {
+        const double wave = std::sin(0.5 * x) * std::cos(0.4 * z) + 1 - 1.2 * y / n;
+        volume.samples.push_back(wave > 0 ? static_cast<float>(wave) : 0);
+      }
+  const float step = size / static_cast<float>(n);
+  for (int a = 0; a < 3; ++a) volume.medium_from_lattice.m[a][a] = step, volume.medium_from_lattice.m[a][3] = corner[a];
+  return volume;
+}
+
+// The media by number: haze, fire, milk.
+Status add_media(ScenePacker& packer) {
+  Medium haze;
+  haze.sigma_a = {0.01f, 0.01f, 0.01f}, haze.sigma_s = {0.06f, 0.06f, 0.06f}, haze.g = 0.3f;
+  SPILLWAY_ASSIGN([[maybe_unused]] const uint32_t first, packer.add_medium({"haze", haze, {}}));
+  Medium fire;
+  fire.kind = MediumKind::grid;
+  fire.sigma_a = {2, 3, 4}, fire.sigma_s = {3, 2, 1}, fire.g = -0.2f;
+  fire.glow_kind = GlowKind::scaled, fire.glow = {1, 0.4f, 0.1f};
+  SPILLWAY_ASSIGN(fire.density_volume, packer.add_volume(smoke("density", 40, {-1.7f, 0.05f, -1.5f}, 0.9f)));
+  SPILLWAY_ASSIGN(fire.glow_volume, packer.add_volume(smoke("glow", 20, {-1.6f, 0.1f, -1.4f}, 0.8f)));
+  SPILLWAY_ASSIGN([[maybe_unused]] const uint32_t second, packer.add_medium({"fire", fire, {}}));
+  Medium milk;
+  milk.sigma_a = {0.1f, 0.4f, 1.0f}, milk.sigma_s = {4, 4.5f, 5};
+  SPILLWAY_ASSIGN([[maybe_unused]] const uint32_t third, packer.add_medium({"milk", milk, {}}));
+  return {};
+}
+
+// A closed surface that divides media; without a material it does nothing else.
+Status add_divider(ScenePacker& packer, const MeshData& data, MaterialId material, uint32_t inside, uint32_t outside) {
+  MeshInput input;
+  input.name = "divider";
+  input.positions = data.positions, input.normals = data.normals, input.uvs = data.uvs, input.indices = data.indices;
+  input.material = material;
+  input.divides_media = true, input.medium_inside = inside, input.medium_outside = outside;
+  return packer.add_mesh(input);
+}
+
+MeshData box(Float3 corner, float size) {
+  MeshData mesh;
+  const auto side = [&](Float3 from, Float3 u, Float3 v) {
+    const MeshData face = grid(from, u, v, 1);
+    const auto base = static_cast<uint32_t>(mesh.positions.size());
+    mesh.positions.insert(mesh.positions.end(), face.positions.begin(), face.positions.end());
+    mesh.uvs.insert(mesh.uvs.end(), face.uvs.begin(), face.uvs.end());
+    for (const uint32_t i : face.indices) mesh.indices.push_back(base + i);
+  };
+  const Float3 x{size, 0, 0}, y{0, size, 0}, z{0, 0, size}, far = corner + x + y + z;
+  side(corner, y, x), side(corner, z, y), side(corner, x, z);
+  side(far, -x, -y), side(far, -y, -z), side(far, -z, -x);
+  return mesh;
+}
+
+Status add_dividers(Builder& b, ScenePacker& packer) {
+  SPILLWAY_TRY(add_divider(packer, box({-1.75f, 0.02f, -1.55f}, 1), {}, 1, 0));
+  SPILLWAY_ASSIGN(const MaterialId glass, b.material(MaterialKind::dielectric, {}, 0.05f));
+  return add_divider(packer, sphere({1.2f, 0.35f, -1.2f}, 0.3f, 24), glass, 2, 0);
+}
+
 // A lamp head that shines down and a shade that does not, at five places.
 Status add_lamps(Builder& b, ScenePacker& packer) {
   SPILLWAY_ASSIGN(const MaterialId grey, b.material(MaterialKind::diffuse, constant(0.4f, 0.4f, 0.4f), 0));
@@ -253,6 +318,7 @@ Status add_lamps(Builder& b, ScenePacker& packer) {
 Status add_everything(ScenePacker& packer, const std::filesystem::path& images, const SmallSceneOptions& options) {
   const bool moves = options.moves;
   Builder b(packer, images);
+  if (options.has_media) SPILLWAY_TRY(add_media(packer));
   SPILLWAY_ASSIGN(const uint32_t check_texture, b.image("checks.png", 128, 3, checks, 1));
   SPILLWAY_ASSIGN(const uint32_t hole_texture, b.image("holes.png", 128, 1, holes, 1));
   SPILLWAY_ASSIGN(const uint32_t wave_texture, b.image("waves.png", 64, 1, waves, 0.05f));
@@ -260,6 +326,7 @@ Status add_everything(ScenePacker& packer, const std::filesystem::path& images, 
   checked.texture = check_texture;
   SPILLWAY_TRY(add_room(b, packer, checked, wave_texture));
   SPILLWAY_TRY(add_objects(b, packer, moves));
+  if (options.has_media) SPILLWAY_TRY(add_dividers(b, packer));
   if (options.has_lamps) SPILLWAY_TRY(add_lamps(b, packer));
   Material fence;
   fence.reflectance = constant(0.2f, 0.5f, 0.2f);
@@ -314,9 +381,12 @@ Result<Store> pack_small_scene(const std::filesystem::path& directory, const std
   pack.max_triangles_per_page = options.max_triangles_per_page;
   pack.max_faces_per_attribute_block = options.max_faces_per_attribute_block;
   pack.tree = options.tree;
+  pack.volume_brick_voxels = options.volume_brick_voxels;
   const auto store = directory / (name + ".store");
   SPILLWAY_ASSIGN(const auto packer, ScenePacker::create(store, pack));
-  packer->set_settings(settings(options));
+  SceneSettings said = settings(options);
+  if (options.has_media) said.render.camera_medium = 0, said.render.max_depth += 3;
+  packer->set_settings(said);
   if (options.moves)
     SPILLWAY_TRY(packer->set_camera_end(moved_on(settings(options).camera.world_from_camera, 0.1, {0.1f, 0.05f, 0.1f})));
   std::vector<shading::Camera> path(options.frame_count, settings(options).camera);

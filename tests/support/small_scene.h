@@ -31,8 +31,10 @@ struct SmallSceneOptions {
   pipeline::BuildOptions tree{};
   uint32_t resolution_x_px = 48, resolution_y_px = 32;
   uint32_t samples_per_pixel = 4;
-  bool moves = false;     // instances and the camera
-  bool has_lamps = true;  // without: so few lights that there is no tree
+  bool moves = false;      // instances and the camera
+  bool has_lamps = true;   // without: so few lights that there is no tree
+  bool has_media = false;  // haze around everything, a coloured fire in a box without walls, milk in a ball of glass
+  int32_t volume_brick_voxels = 8;
   uint32_t frame_count = 0;  // of a camera path, from frame 1 on; each a little further to the right
 };
 

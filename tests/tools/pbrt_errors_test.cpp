@@ -90,15 +90,14 @@ TEST(pbrt_errors, directives_belong_somewhere) {
       {"TransformTimes 1 1", "scene.pbrt:1:1: TransformTimes 1 1: the first must be before the second"},
       {"TransformTimes 0 1e99", "scene.pbrt:1:1: TransformTimes 0 1e+99: the first"},
       {"WorldBegin TransformTimes 0 1", "scene.pbrt:1:12: TransformTimes belongs before WorldBegin"},
-      {"WorldBegin MediumInterface \"fog\" \"\"", "scene.pbrt:1:12: MediumInterface: media"},
-      {"WorldBegin\n" +
-           [] {
-             std::string s;
-             for (int i = 0; i < 1100; ++i) s += "AttributeBegin\n";
-             return s;
-           }(),
-       "scene.pbrt:1026:1: scopes nest more than 1024 deep"},
+      {"WorldBegin MediumInterface \"fog\" \"\" Shape \"sphere\"", "scene.pbrt:1:28: there is no medium \"fog\""},
   });
+}
+
+TEST(pbrt_errors, a_million_nested_attributes_are_too_many) {
+  std::string text = "WorldBegin\n";
+  for (int i = 0; i < 1000000; ++i) text += "AttributeBegin\n";
+  expect_errors({{text, "scene.pbrt:1026:1: scopes nest more than 1024 deep"}});
 }
 
 TEST(pbrt_errors, transforms_must_have_an_inverse) {
@@ -112,6 +111,9 @@ TEST(pbrt_errors, transforms_must_have_an_inverse) {
       {"Transform 1 0 0 0", "scene.pbrt:1:11: Transform takes [ 16 numbers ], not 1"},
       {"Transform [ 1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1 7 ]", "scene.pbrt:1:45: Transform takes 16 numbers: ] expected"},
       {"Transform [ 1 0 0 1 0 1 0 0 0 0 1 0 0 0 0 1 ]", "scene.pbrt:1:1: Transform is not affine"},
+      {"Transform [ 1 0 0 0 0 1 0 0 0 0 0 0 0 0 0 1 ]", "scene.pbrt:1:1: Transform makes the transform singular"},
+      {"Transform [ 1 0 0 0 0 nan 0 0 0 0 1 0 0 0 0 1 ]", "scene.pbrt:1:23: nan instead of a finite number"},
+      {"ConcatTransform [ 1 0 0 0 0 1 0 0 0 0 1 0 0 0 inf 1 ]", "scene.pbrt:1:47: inf instead of a finite number"},
       {"ConcatTransform [ 1 0 0 0 0 1 0 0 1 1 0 0 0 0 0 1 ]",
        "scene.pbrt:1:1: ConcatTransform makes the transform singular"},
       {"CoordSysTransform \"nowhere\"", "scene.pbrt:1:19: there is no coordinate system \"nowhere\""},
@@ -157,6 +159,7 @@ TEST(pbrt_errors, names_must_be_known_and_defined_once) {
   const std::string triangle(kTriangle);
   expect_errors({
       {"WorldBegin\nNamedMaterial \"m\"\n" + triangle, "scene.pbrt:2:15: there is no material \"m\""},
+      {"WorldBegin\nObjectBegin \"o\" NamedMaterial \"m\"\n" + triangle, "scene.pbrt:2:31: there is no material \"m\""},
       {"WorldBegin\nMaterial \"diffuse\" \"texture reflectance\" \"t\"\n" + triangle,
        "scene.pbrt:2:20: there is no spectrum texture \"t\""},
       {"WorldBegin Texture \"t\" \"float\" \"constant\"\nMaterial \"diffuse\" \"texture reflectance\" \"t\"\n" +
@@ -326,13 +329,13 @@ TEST(pbrt_errors, folders_and_compressed_files_are_named) {
 TEST(pbrt_errors, lenient_leaves_out_what_can_be_left_out) {
   const std::string text =
       "Sprocket \"a\" \"float b\" [ 1 2 ] 3 true\nCamera \"perspective\" \"float fox\" 30\nWorldBegin\n"
-      "MakeNamedMedium \"fog\" \"string type\" \"homogeneous\"\nMediumInterface \"fog\" \"\"\n"
+      "MakeNamedMedium \"fog\" \"string type\" \"homogeneous\" \"string preset\" \"Milk\"\n"
       "LightSource \"projection\"\nShape \"curve\" \"float radius\" 3\nMaterial \"hair\"\n" +
       std::string(kTriangle) + "Material \"interface\"\n" + std::string(kTriangle);
   EXPECT_EQ(import_text(text).error.substr(0, 15), "scene.pbrt:1:1:");
   const Imported imported = import_text(text, true);
   EXPECT_EQ(imported.error, "");
-  EXPECT_EQ(imported.report.warning_count, 7u);
+  EXPECT_EQ(imported.report.warning_count, 6u);
   for (const char* stand_in :
        {"a \"spot\" as wide as its field of view is used", "nothing is used", "a grey diffuse one is used"}) {
     const auto& warnings = imported.report.warnings;

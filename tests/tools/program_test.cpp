@@ -108,6 +108,26 @@ TEST_F(ProgramTest, a_current_store_is_not_packed_again_and_an_old_one_is) {
   EXPECT_NE(fs::last_write_time(folder_ / "scene.store/manifest.spw"), first);
 }
 
+TEST_F(ProgramTest, surfaces_are_diced_again_for_another_length_and_found_for_the_same) {
+  const std::string cube =
+      "Shape \"subdivmesh\" \"point3 P\" [-1 -1 -1 1 -1 -1 1 1 -1 -1 1 -1 -1 -1 1 1 -1 1 1 1 1 -1 1 1] "
+      "\"integer indices\" [0 3 2 1 0 1 5 4 1 2 6 5 2 3 7 6 3 0 4 7 4 5 6 7]";
+  const auto triangles = [&] {
+    const std::string said = spillway("info scene.store").said;
+    return std::stoi(said.substr(said.find("\ntriangles ") + 11));
+  };
+  ASSERT_EQ(render(cube, "--edge-length-px 4").code, 0);
+  const int coarse = triangles();
+  const auto first = fs::last_write_time(folder_ / "scene.store/manifest.spw");
+  ASSERT_EQ(spillway("render scene.pbrt -o out.exr --spp 1 -q").code, 0);  // any length will do
+  EXPECT_EQ(fs::last_write_time(folder_ / "scene.store/manifest.spw"), first);
+  const std::string fine = "render scene.pbrt -o out.exr --spp 1 --edge-length-px 0.2 --dice-cache diced";
+  ASSERT_EQ(spillway(fine + " -q").code, 0);
+  EXPECT_GT(triangles(), 100 * coarse);
+  const Ended again = spillway("pack scene.pbrt --edge-length-px 0.2 --dice-cache diced");
+  EXPECT_NE(again.said.find("of these 1 into"), std::string::npos) << again.said;
+}
+
 // A white sky as an image, around a convex body of albedo one half: half as bright as the sky everywhere.
 TEST_F(ProgramTest, an_environment_lights_the_scene) {
   const auto write_sky = [&](int width, int height, float value) {
@@ -187,6 +207,25 @@ TEST_F(ProgramTest, textures_that_are_missing_or_damaged_are_refused_by_name) {
   expect_refused(render(body), {"image.png"});
   write("image.png", bytes);
   EXPECT_EQ(render(body).code, 0);
+}
+
+#ifdef __SANITIZE_ADDRESS__  // reserves terabytes of addresses
+constexpr const char* kLimit = "";
+#else
+constexpr const char* kLimit = "ulimit -v 3000000; ";
+#endif
+
+// Out of a pipe, so that nobody holds it, and within three gigabytes of addresses.
+TEST_F(ProgramTest, a_word_and_a_string_of_four_gigabytes_are_refused_at_their_place) {
+  for (const auto& [opening, message] : {std::pair{"WorldBegin\\n  Shape \"", "scene.pbrt:2:9: string of more than 65536 bytes"},
+                                         std::pair{"WorldBegin\\n  ", "scene.pbrt:2:3: word of more than 65536 bytes"}}) {
+    const Ended ended = run(fmt::format(
+        "{{ cd {}; rm -f scene.pbrt; mkfifo scene.pbrt\n"
+        "(printf '{}'; yes aaaaaaaa | tr -d '\\n' | head -c 4294967296) 2>/dev/null >scene.pbrt &\n"
+        "({}" SPILLWAY_PROGRAM " render scene.pbrt -o out.exr --memory 256MiB); status=$?; kill $! 2>/dev/null; exit $status; }}",
+        folder_.string(), opening, kLimit));
+    expect_refused(ended, {message});
+  }
 }
 
 TEST_F(ProgramTest, a_budget_that_is_too_small_is_refused_with_one_that_would_do) {

@@ -7,6 +7,8 @@
 #include <vector>
 
 #include "pipeline/pack/scene_sink.h"
+#include "pipeline/pack/subdivision_cage.h"
+#include "pipeline/store_validation.h"
 
 namespace spillway::tools {
 
@@ -48,6 +50,9 @@ class RecordingSink : public pipeline::SceneSink {
   pipeline::SceneSettings settings;
   int settings_count = 0, finish_count = 0;
   uint64_t mesh_count = 0, triangle_count = 0;
+  std::vector<pipeline::VolumeInput> volumes;
+  std::vector<pipeline::MediumInput> media;
+  std::vector<Rgb> black_bodies;
   std::string contract;  // what the importer did wrong, or empty
 
   Result<ImageId> add_image(const std::filesystem::path& file, cache::TexelEncoding encoding) override {
@@ -79,12 +84,27 @@ class RecordingSink : public pipeline::SceneSink {
     environments.push_back(image);
     return add_light(light);
   }
+  Result<uint32_t> add_volume(const pipeline::VolumeInput& volume) override {
+    volumes.push_back(volume);
+    return static_cast<uint32_t>(volumes.size() - 1);
+  }
+  Result<uint32_t> add_medium(const pipeline::MediumInput& medium) override {
+    for (const uint32_t volume : {medium.medium.density_volume, medium.medium.glow_volume})
+      if (volume != pipeline::Medium::kNoVolume && volume >= volumes.size()) contract = "medium before its volumes";
+    SPILLWAY_TRY(pipeline::check_medium(medium.medium, volumes.size(), medium.name));
+    media.push_back(medium);
+    return static_cast<uint32_t>(media.size() - 1);
+  }
+  void set_black_bodies(std::span<const Rgb> table) override { black_bodies.assign(table.begin(), table.end()); }
   uint32_t begin_object(std::string name) override {
     objects.push_back(std::move(name));
     return static_cast<uint32_t>(objects.size());
   }
   Status add_mesh(const pipeline::MeshInput& mesh) override {
-    if (mesh.material.value >= materials.size()) contract = "mesh before its material";
+    const bool is_interface = mesh.divides_media && !mesh.material.valid();
+    if (!is_interface && mesh.material.value >= materials.size()) contract = "mesh before its material";
+    for (const uint32_t medium : {mesh.medium_inside, mesh.medium_outside})
+      if (mesh.divides_media && medium != pipeline::kNoMedium && medium >= media.size()) contract = "mesh before its media";
     if (mesh.alpha.valid() && mesh.alpha.value >= textures.size()) contract = "mesh before its alpha";
     if (mesh.object > objects.size()) contract = "mesh of no object";
     for (const uint32_t index : mesh.indices) {
@@ -102,6 +122,8 @@ class RecordingSink : public pipeline::SceneSink {
   Status add_subdivision(const pipeline::SubdivisionInput& s) override {
     if (s.cage.material.value >= materials.size()) contract = "cage before its material";
     if (s.cage.object > objects.size()) contract = "cage of no object";
+    if (s.displacement.valid() && s.displacement.value >= textures.size()) contract = "cage before its displacement";
+    if (const auto made = pipeline::make_cage(s); !made) return made.error();
     cages.push_back({s,
                      {s.cage.positions.begin(), s.cage.positions.end()},
                      {s.cage.uvs.begin(), s.cage.uvs.end()},

@@ -85,6 +85,15 @@ TEST(subdivision, emission_goes_with_the_cage) {
   EXPECT_TRUE(starts_with(import_world(power).error, "scene.pbrt:3:1: a subdivmesh with \"power\"")) << import_world(power).error;
 }
 
+TEST(subdivision, displacement_is_a_texture_or_a_number) {
+  const RecordedCage constant = cage_of(subdivmesh("\"float displacement\" 0.5 \"float displacementscale\" 2"));
+  EXPECT_TRUE(constant.input.displacement.valid());
+  EXPECT_EQ(constant.input.displacement_scale, 2);
+  const RecordedCage textured = cage_of("Texture \"bumps\" \"float\" \"wrinkled\"\n" + subdivmesh("\"texture displacement\" \"bumps\""));
+  EXPECT_TRUE(textured.input.displacement.valid());
+  EXPECT_FALSE(cage_of(subdivmesh("")).input.displacement.valid());
+}
+
 TEST(subdivision, what_is_wrong_is_said_at_its_place) {
   const auto refusal = [](std::string_view rest, std::string_view head = kQuad) {
     return import_world(subdivmesh(rest, head)).error;

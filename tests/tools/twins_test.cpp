@@ -45,8 +45,8 @@ TEST_P(Twins, are_equal_within_their_noise) {
 
 INSTANTIATE_TEST_SUITE_P(Mitsuba, Twins,
                          testing::Values("box", "bulb", "bulb_point", "glass", "globe", "instances", "lamps", "lens",
-                                         "mirror", "orthographic", "plastic", "quadrics", "sky", "spot", "sun",
-                                         "texture", "thin_glass"),
+                                         "mirror", "motion", "orthographic", "plastic", "quadrics", "sky", "spot",
+                                         "sun", "texture", "thin_glass"),
                          [](const auto& name) { return std::string(name.param); });
 #endif
 
@@ -107,6 +107,44 @@ TEST(KnownAnswers, a_closed_furnace_of_albedo_one_half_is_twice_as_bright) {
       "[0.5 0.5 0.5]\n"
       "Shape \"sphere\" \"float radius\" 8\n",
       2, 0.001);
+}
+
+// A box of the medium "gas", from z = -1 to 1, in front of a white sky.
+std::string gas_box(const std::string& medium) {
+  return "LightSource \"infinite\" \"rgb L\" [1 1 1]\nMakeNamedMedium \"gas\" " + medium +
+         "\nMediumInterface \"gas\" \"\" Material \"interface\"\nShape \"trianglemesh\" \"point3 P\" "
+         "[-9 -9 -1 9 -9 -1 9 9 -1 -9 9 -1 -9 -9 1 9 -9 1 9 9 1 -9 9 1] \"integer indices\" "
+         "[0 2 1 0 3 2 4 5 6 4 6 7 0 1 5 0 5 4 1 2 6 1 6 5 2 3 7 2 7 6 3 0 4 3 4 7]\n";
+}
+
+// Beer's law, and what glows along the way; the rays are up to a thousandth longer than the box is deep.
+TEST(KnownAnswers, gas_that_absorbs_lets_through_what_beers_law_says) {
+  expect_mean(gas_box("\"string type\" \"homogeneous\" \"rgb sigma_a\" [0.4 0.4 0.4] \"rgb sigma_s\" [0 0 0]"),
+              std::exp(-0.8), 0.003);
+  // A grid whose density is 2 everywhere inside, fading over its outermost half cells: 40 cells over 4 units.
+  std::string density;
+  for (int i = 0; i < 40; ++i) density += "2 ";
+  expect_mean(gas_box("\"string type\" \"uniformgrid\" \"integer nz\" 40 \"point3 p0\" [-99 -99 -2] \"point3 p1\" "
+                      "[99 99 2] \"rgb sigma_a\" [0.3 0.3 0.3] \"rgb sigma_s\" [0 0 0] \"float density\" [" +
+                      density + "]"),
+              std::exp(-0.3 * 2 * 2), 0.004);
+  expect_mean(gas_box("\"string type\" \"homogeneous\" \"rgb sigma_a\" [0.4 0.4 0.4] \"rgb sigma_s\" [0 0 0] "
+                      "\"rgb Le\" [3 3 3]"),
+              std::exp(-0.8) + 3 * (1 - std::exp(-0.8)), 0.003);
+}
+
+// Gas that loses nothing cannot be seen in a white sky, however thick it is: an optical depth of 50.
+TEST(KnownAnswers, a_furnace_of_gas_returns_everything) {
+  const test::TemporaryDirectory directory;
+  std::ofstream(directory.path() / "scene.pbrt")
+      << "LookAt 0 0 9 0 0 0 0 1 0 Camera \"perspective\" \"float fov\" 4\n"
+         "Film \"rgb\" \"integer xresolution\" 8 \"integer yresolution\" 8 PixelFilter \"box\"\n"
+         "Integrator \"volpath\" \"integer maxdepth\" 30000\nWorldBegin\nLightSource \"infinite\" \"rgb L\" [1 1 1]\n"
+         "MakeNamedMedium \"gas\" \"string type\" \"homogeneous\" \"rgb sigma_a\" [0 0 0] \"rgb sigma_s\" [25 25 25] "
+         "\"float g\" 0.3\nMediumInterface \"gas\" \"\" Material \"interface\" Shape \"sphere\"\n";
+  const Mean mean = mean_of(rendered(directory.path() / "scene.pbrt", 256));
+  EXPECT_NEAR(mean.value, 1, 4 * mean.standard_error);
+  EXPECT_LT(mean.standard_error, 0.02);
 }
 
 // A mix is one of its parts, as often as it says, whatever they are.

@@ -12,6 +12,8 @@ Where the two models differ there is no twin: rough GGX surfaces (Mitsuba's Smit
 height-correlated), soft edges of spots (linear in the angle against a smoothstep in the cosine; the spot here has none), masks (the
 shadows of Mitsuba's path integrator are lighter than the opacity says), blends (the two densities of Mitsuba's blend do
 not agree, so that its weights do not sum to one): tests/tools/twins_test.cpp has exact answers.
+Mitsuba has no motion: a scene that moves is a function of time, rendered at 512 times for each half, one in each of as
+many equal parts of the time that the shutter is open.
 Mitsuba's images have their first row at v = 0, pbrt's at v = 1: the texture is turned over.
 """
 
@@ -80,7 +82,28 @@ def lamp(name, to_world):
             name + "_block": cube(to_world @ T().translate([-0.3, 0.2, 0.5]) @ T().scale([0.4, 0.2, 0.4]), BLUE)}
 
 
+def motion(time):
+    """What moves does so from time 0 to 1, and stands where it arrived afterwards."""
+    t = min(time, 1)
+
+    def between(a, b):
+        return [(1 - t) * x + t * y for x, y in zip(a, b)]
+
+    def placed(start, end, axis, angle, scale_start, scale_end):
+        return {"type": "instance", "group": {"type": "ref", "id": "group"}, "to_world":
+                T().translate(between(start, end)) @ T().rotate(axis, t * angle) @ T().scale(between(scale_start, scale_end))}
+
+    return {"floor": FLOOR, "panel": PANEL, "sky": SKY,
+            "sensor": sensor(to_world=T().translate([-0.4 * t, -0.2 * t, 0]) @ VIEW),
+            "group": {"type": "shapegroup", "cube": {"type": "cube", "bsdf": BLUE}},
+            "first": placed([-1, 0, 0.5], [-0.6, 0.5, 0.9], [0, 0, 1], 110, [0.5, 0.3, 0.5], [0.5, 0.5, 0.3]),
+            "second": placed([0.8, 0.4, 0.9], [0.8, -0.2, 1.1], [0.5**0.5, 0.5**0.5, 0], -70, [-0.6, 0.5, 0.4],
+                             [-0.4, 0.5, 0.4])}
+
+
+SHUTTER, TIMES = {"motion": (0.2, 1.2)}, 512
 SCENES = {
+    "motion": motion,
     "box": block_of(GREY, wall=WALL),
     "mirror": block_of({"type": "conductor", "eta": rgb(0.2, 0.9, 1.1), "k": rgb(3.9, 2.5, 2.4)}),
     # Raised from the floor: where two surfaces coincide, the order in which they are met is nobody's.
@@ -157,6 +180,19 @@ def write_picture(path, halves, samples):
     OpenEXR.File(header, channels).write(str(path))
 
 
+def image_of(scene, samples, seed):
+    scene = mi.load_dict({"type": "scene", "integrator": {"type": "path", "max_depth": 65}, **scene})
+    return np.array(mi.render(scene, spp=samples, seed=seed), dtype=np.float64)
+
+
+def moving_half(name, half, samples):
+    """The mean over as many samples, at a random time in each part of the shutter's."""
+    random = np.random.default_rng(half)
+    opens, closes = SHUTTER[name]
+    return np.mean([image_of(SCENES[name](opens + (closes - opens) * (i + random.random()) / TIMES), samples // TIMES,
+                             half * TIMES + i) for i in range(TIMES)], axis=0)
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("names", nargs="*", default=[])
@@ -164,10 +200,11 @@ def main():
     arguments = parser.parse_args()
     write_stripes(FOLDER / "stripes.png")
     for name in arguments.names or SCENES:
-        scene = mi.load_dict({"type": "scene", "integrator": {"type": "path", "max_depth": 65}, **SCENES[name]})
-        images = [np.array(mi.render(scene, spp=arguments.samples // SEEDS, seed=seed), dtype=np.float64)
-                  for seed in range(SEEDS)]
-        halves = [np.mean(images[::2], axis=0), np.mean(images[1::2], axis=0)]
+        if name in SHUTTER:
+            halves = [moving_half(name, half, arguments.samples // 2) for half in (0, 1)]
+        else:
+            images = [image_of(SCENES[name], arguments.samples // SEEDS, seed) for seed in range(SEEDS)]
+            halves = [np.mean(images[::2], axis=0), np.mean(images[1::2], axis=0)]
         write_picture(FOLDER.parent / "images" / f"{name}.exr", halves, arguments.samples)
         print(f"{name}: mean {np.mean(halves):.6f}")
 

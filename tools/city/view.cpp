@@ -78,7 +78,7 @@ SkyColours sky_colours(TimeOfDay time) {
     case TimeOfDay::night:
       break;
   }
-  return {{0.075f, 0.070f, 0.085f}, {0.010f, 0.014f, 0.034f}, {0.02f, 0.024f, 0.03f}, 30};
+  return {{0.046f, 0.050f, 0.082f}, {0.009f, 0.013f, 0.036f}, {0.02f, 0.024f, 0.03f}, 30};
 }
 
 }  // namespace

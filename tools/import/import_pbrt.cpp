@@ -14,6 +14,7 @@
 #include "tools/import/color_space.h"
 #include "tools/import/lights.h"
 #include "tools/import/materials.h"
+#include "tools/import/media.h"
 #include "tools/import/params.h"
 #include "tools/import/session.h"
 #include "tools/import/settings.h"
@@ -40,6 +41,7 @@ struct GraphicsState {
   Token material_name;
   std::optional<AreaEmission> emission;
   Attributes attributes;
+  MediumNames media;
   ColorSpace color_space = ColorSpace::srgb;
   [[nodiscard]] bool moves() const { return !(transform == transform_end); }
 };
@@ -72,7 +74,7 @@ enum class Where : uint8_t { options, world, anywhere };
 
 class Importer {
  public:
-  explicit Importer(Session& session) : session_(session), textures_(session), materials_(session, textures_) {
+  explicit Importer(Session& session) : session_(session), textures_(session), materials_(session, textures_), media_(session) {
     state_.material = materials_.standard();
   }
 
@@ -280,6 +282,7 @@ class Importer {
   Status camera(Tokenizer& tokens, const Token& directive) {
     options_.camera_from_world = state_.transform, options_.camera_from_world_end = state_.transform_end;
     systems_["camera"] = {state_.transform.inverse(), state_.transform_end.inverse()};
+    SPILLWAY_ASSIGN(options_.camera_medium, media_.find(state_.media.outside));
     return wait(tokens, directive, options_.camera);
   }
   Status film(Tokenizer& tokens, const Token& directive) { return wait(tokens, directive, options_.film); }
@@ -333,20 +336,14 @@ class Importer {
 
   Status named_medium(Tokenizer& tokens, const Token& directive) {
     SPILLWAY_ASSIGN(const Token name, read_string_token(tokens, directive.text));
-    SPILLWAY_ASSIGN([[maybe_unused]] const ParamList params, read_params(tokens));
-    return session_.ignorable(name.place, "medium {}: media are not supported yet", to_string(name));
+    SPILLWAY_ASSIGN(ParamList params, params_with_attributes(tokens, Target::medium));
+    if (state_.moves()) session_.warn(directive.place, "media do not move: this one stays where it is at the first of TransformTimes");
+    return media_.define(name, std::move(params), state_.transform);
   }
 
   Status medium_interface(Tokenizer& tokens, const Token& directive) {
-    SPILLWAY_ASSIGN(const Token inside, read_string_token(tokens, directive.text));
-    bool is_vacuum = inside.text.empty();
-    SPILLWAY_ASSIGN(const Token* next, tokens.peek());
-    if (next->kind == TokenKind::string) {
-      SPILLWAY_ASSIGN(const Token outside, tokens.take());
-      is_vacuum = is_vacuum && outside.text.empty();
-    }
-    if (is_vacuum) return {};
-    return session_.ignorable(directive.place, "MediumInterface: media are not supported yet");
+    SPILLWAY_ASSIGN(state_.media, read_medium_interface(tokens, directive));
+    return {};
   }
 
   // ---- materials, textures, lights ----
@@ -411,9 +408,12 @@ class Importer {
     if (!state_.material) {
       SPILLWAY_ASSIGN(state_.material, materials_.find(state_.material_name.text, state_.material_name.place));
     }
-    ShapeState shape_state{state_.transform, state_.reverse_orientation, {}, state_.emission, 0};
+    ShapeState shape_state;
+    shape_state.object_from_shape = state_.transform, shape_state.reverse_orientation = state_.reverse_orientation;
+    shape_state.emission = state_.emission;
     SPILLWAY_ASSIGN(shape_state.material, materials_.use(*state_.material));
-    if (!shape_state.material.valid()) return {};  // has no surface
+    SPILLWAY_TRY(divide_media(shape_state));
+    if (!shape_state.material.valid() && !shape_state.divides_media) return {};  // nothing to see, nothing to cross
     SPILLWAY_ASSIGN(ReadShape shape, read_shape(session_, textures_, type.text, params, directive.place, shape_state));
     if (state_.moves() && !shape.emits()) return moving_shape(std::move(shape));
     if (state_.moves()) SPILLWAY_TRY(emitter_moves(directive.place));
@@ -422,6 +422,15 @@ class Importer {
       object_->emits = object_->emits || shape.emits();
     }
     return send_shape(session_, std::move(shape));
+  }
+
+  // As in pbrt, the same medium on both sides is no division: rays keep what they are in.
+  Status divide_media(ShapeState& shape) const {
+    shape.divides_media = state_.media.divide();
+    if (!shape.divides_media) return {};
+    SPILLWAY_ASSIGN(shape.medium_inside, media_.find(state_.media.inside));
+    SPILLWAY_ASSIGN(shape.medium_outside, media_.find(state_.media.outside));
+    return {};
   }
 
   // As in pbrt, an instance of an object that holds this shape alone, in its own space.
@@ -501,6 +510,7 @@ class Importer {
   Session& session_;
   TextureTable textures_;
   MaterialTable materials_;
+  MediumTable media_;
   GraphicsState state_;
   std::vector<OpenScope> scopes_;
   std::vector<std::filesystem::path> open_files_;

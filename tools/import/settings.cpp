@@ -255,7 +255,7 @@ Status read_integrator(Session& session, const Waiting& waiting, pipeline::Rende
   if (depth < 0) return error_at(waiting.place, "\"maxdepth\" must be at least 0");
   render.max_depth = static_cast<uint32_t>(depth);
   SPILLWAY_ASSIGN(const bool regularize, waiting.params.boolean("regularize", false));
-  render.regularize = regularize;
+  if (regularize) session.warn(waiting.place, "\"regularize\" is not done: materials stay as sharp as they are");
   if (!is_path) return {};  // the rest steers what is not done
   // Which light is chosen when changes noise, not the picture.
   for (const char* name : {"samplelights", "samplebsdf"}) (void)waiting.params.find(ParamType::boolean, name);
@@ -274,6 +274,7 @@ Result<SceneSettings> build_settings(Session& session, const SceneOptions& optio
   const Waiting camera = or_default(options.camera, "perspective", world_begin);
   settings.camera.world_from_camera = options.camera_from_world.inverse().affine();
   settings.motion = options.motion;
+  settings.render.camera_medium = options.camera_medium;
   settings.render.seed = static_cast<uint32_t>(options.seed);
   if (options.color_space != ColorSpace::srgb && options.film)
     session.warn(options.film->place, "the picture is written in Rec. 709, whatever the scene's color space");

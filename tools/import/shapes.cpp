@@ -151,6 +151,18 @@ Result<TextureId> read_alpha(TextureTable& textures, const ParamList& params, Pl
   return textures.add_constant(alpha->constant, place);
 }
 
+Status read_displacement(TextureTable& textures, const ParamList& params, Place place, ReadCage& cage) {
+  SPILLWAY_ASSIGN(cage.displacement_scale, params.real("displacementscale", 1));
+  SPILLWAY_ASSIGN(const std::optional<pipeline::Param> height, textures.real_param(params, "displacement"));
+  if (!height) return {};
+  if (height->texture != TextureId::kNone) {
+    cage.displacement = TextureId{height->texture};
+    return {};
+  }
+  SPILLWAY_ASSIGN(cage.displacement, textures.add_constant(height->constant, place));
+  return {};
+}
+
 // ---- sending ----
 
 Status send(Session& session, const MeshInput& input, Place place) {
@@ -204,9 +216,9 @@ Status send_cage(Session& session, ReadShape& shape, MeshInput input) {
     input.emits_two_sided = shape.state.emission->two_sided;
   }
   input.positions = shape.mesh.positions, input.uvs = shape.mesh.uvs, input.indices = shape.mesh.indices;
-  const pipeline::SubdivisionInput subdivision{
-      input,      cage.corner_counts, cage.uv_indices, cage.sharp_edges, cage.sharp_vertices,
-      cage.holes, cage.boundary,      cage.uv_rule};
+  const pipeline::SubdivisionInput subdivision{input,      cage.corner_counts, cage.uv_indices, cage.sharp_edges, cage.sharp_vertices,
+                                               cage.holes, cage.boundary,      cage.uv_rule,    cage.displacement,
+                                               cage.displacement_scale};
   const Status added = session.sink.add_subdivision(subdivision);
   if (!added) return error_at(shape.place, "{}", added.error().message);
   ++session.report.cage_count;
@@ -241,6 +253,7 @@ Result<ReadShape> read_shape(Session& session, TextureTable& textures, const std
   SPILLWAY_ASSIGN(shape.mesh, find_reader(type)->read({session, params, place, type, shape.name}));
   if (type == kSubdivmesh) {
     SPILLWAY_ASSIGN(shape.cage, read_cage(params, place, shape.mesh));
+    SPILLWAY_TRY(read_displacement(textures, params, place, *shape.cage));
   }
   SPILLWAY_ASSIGN(shape.alpha, read_alpha(textures, params, place));
   SPILLWAY_TRY(params.check_all_used(session, fmt::format("Shape \"{}\"", type)));
@@ -255,6 +268,8 @@ Status send_shape(Session& session, ReadShape shape) {
   input.material = state.material;
   input.object = state.object;
   input.alpha = shape.alpha;
+  input.divides_media = state.divides_media;
+  input.medium_inside = state.medium_inside, input.medium_outside = state.medium_outside;
   if (shape.cage) return send_cage(session, shape, input);
   input.flip_normals = place_mesh(mesh, state.object_from_shape, state.reverse_orientation);
   input.positions = mesh.positions, input.normals = mesh.normals, input.uvs = mesh.uvs, input.indices = mesh.indices;

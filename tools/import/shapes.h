@@ -23,6 +23,8 @@ struct ShapeState {
   MaterialId material;
   std::optional<AreaEmission> emission;
   uint32_t object = 0;
+  bool divides_media = false;
+  uint32_t medium_inside = pipeline::kNoMedium, medium_outside = pipeline::kNoMedium;
 };
 
 // A shape in its own space, with what it needs to be sent.

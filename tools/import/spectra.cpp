@@ -95,10 +95,25 @@ constexpr std::array kGlasses = {
     Glass{"glass-F11", 1.78472f},
 };
 
+constexpr double kSecondRadiation_nm_kelvin = 1.438776877e7;  // h c / k, CODATA 2018
+constexpr double kWien_nm_kelvin = 2.897771955e6;             // displacement, CODATA 2018
+
 }  // namespace
 
+Rgb normalised_blackbody_rgb(float temperature_kelvin) {
+  if (!(temperature_kelvin > 100)) return {0, 0, 0};
+  const double kelvin = temperature_kelvin, peak_nm = kWien_nm_kelvin / kelvin;
+  const auto planck = [&](double w) {
+    const double x = w / peak_nm;
+    return 1 / (x * x * x * x * x * std::expm1(kSecondRadiation_nm_kelvin / (w * kelvin)));
+  };
+  const double brightest = planck(peak_nm);
+  const Xyz c = integrate([&](int wavelength_nm) { return planck(wavelength_nm) / brightest; });
+  if (!(c.y > 0)) return {0, 0, 0};
+  return unit_luminance_rgb(c) * static_cast<float>(c.y / integrate([](int) { return 1.0; }).y);
+}
+
 Rgb blackbody_rgb(float temperature_kelvin) {
-  constexpr double kSecondRadiation_nm_kelvin = 1.438776877e7;  // h c / k, CODATA 2018
   return unit_luminance_rgb(integrate([&](int wavelength_nm) {
     const double w = wavelength_nm / 560.0;  // the unit falls out of the ratio; near 1 nothing underflows
     const double exponent = kSecondRadiation_nm_kelvin / (wavelength_nm * static_cast<double>(temperature_kelvin));

@@ -18,6 +18,10 @@ inline constexpr float kGlassWavelength_nm = 587.56f;
 // Colours outside the gamut (below about 1900 K) are brought in by setting negative components to zero.
 [[nodiscard]] Rgb blackbody_rgb(float temperature_kelvin);
 
+// The radiance of a black body over that at its brightest wavelength, as linear RGB: what glowing gas emits, of which the
+// cold does not glow.
+[[nodiscard]] Rgb normalised_blackbody_rgb(float temperature_kelvin);
+
 // Wavelengths in nm and values in turn, linear in between, zero outside.
 [[nodiscard]] float spectrum_at(std::span<const float> pairs, float wavelength_nm);
 // None when nothing of it is visible.

@@ -22,6 +22,8 @@ struct ReadCage {
   std::vector<pipeline::SharpVertex> sharp_vertices;
   pipeline::BoundaryRule boundary = pipeline::BoundaryRule::edges_and_corners;
   pipeline::UvRule uv_rule = pipeline::UvRule::corners_plus1;
+  TextureId displacement;
+  float displacement_scale = 1;
 };
 
 // `mesh` comes with what a file had, when there is one.

@@ -1,0 +1,74 @@
+#pragma once
+
+// What stays in memory of volumes: where their bricks are, and the largest value of each cell.
+//
+// Memory: 4 bytes a brick of a grid's box, present or not, and 4 bytes a cell of the bricks that are.
+// Threads: plain arrays; const after they were made.
+
+#include <cstdint>
+#include <span>
+#include <string_view>
+#include <vector>
+
+#include "cache/volume_brick.h"
+
+namespace spillway::cache {
+
+struct VolumeGrid {
+  int32_t corner[3];  // lattice point where brick (0, 0, 0) begins; multiples of kVolumeAlignmentVoxels
+  int32_t brick_count[3];
+  int32_t brick_voxels;
+  uint32_t first_entry;  // in the entries: one for each brick of the box, x fastest
+  uint32_t first_brick;  // bricks of a grid are consecutive in the file
+  uint32_t brick_total;  // that are there
+  uint32_t first_cell;   // in the cells: those of the first brick
+  float value_max;
+};
+static_assert(sizeof(VolumeGrid) == 48);
+
+// Where a brick is in the file.
+struct VolumeBrickLocation {
+  uint64_t offset_bytes;
+  uint64_t size_bytes;
+};
+
+inline constexpr uint32_t kNoBrick = 0xffffffffu;
+
+struct VolumeTables {
+  std::span<const VolumeGrid> grids;
+  std::span<const uint32_t> entries;  // brick number, or kNoBrick: all zero
+  std::span<const float> cell_max;
+  std::span<const VolumeBrickLocation> bricks;
+
+  // cell: counted from the grid's corner; must lie in its box.
+  [[nodiscard]] uint32_t brick_of(const VolumeGrid& grid, const int32_t (&cell)[3]) const {
+    const int32_t per = grid.brick_voxels / kCellVoxels;
+    return entries[grid.first_entry +
+                   static_cast<uint32_t>((cell[2] / per * grid.brick_count[1] + cell[1] / per) * grid.brick_count[0] +
+                                         cell[0] / per)];
+  }
+  [[nodiscard]] float majorant(const VolumeGrid& grid, uint32_t brick, const int32_t (&cell)[3]) const {
+    const int32_t per = grid.brick_voxels / kCellVoxels;
+    const auto inside = static_cast<uint32_t>((cell[2] % per * per + cell[1] % per) * per + cell[0] % per);
+    return cell_max[grid.first_cell + (brick - grid.first_brick) * brick_cell_count(grid.brick_voxels) + inside];
+  }
+};
+
+// The same tables while they grow.
+struct VolumeTablesBuilder {
+  std::vector<VolumeGrid> grids;
+  std::vector<uint32_t> entries;
+  std::vector<float> cell_max;
+  std::vector<VolumeBrickLocation> bricks;
+
+  // Adds a grid by its bricks' headers, in file order; `bricks` (validated) follow with add_brick().
+  void begin_grid(const int32_t (&lower)[3], const int32_t (&upper)[3], int32_t brick_voxels);
+  // Fails for a brick outside the grid, or one that is there already.
+  Status add_brick(const VolumeBrickView& brick, const VolumeBrickLocation& location, std::string_view where);
+  [[nodiscard]] VolumeTables view() const { return {grids, entries, cell_max, bricks}; }
+};
+
+// Everything a walk will follow. `where` names the manifest.
+Status validate_volume_tables(const VolumeTables& tables, std::string_view where);
+
+}  // namespace spillway::cache

@@ -1,0 +1,204 @@
+#include "pipeline/pack/volume_decoder.h"
+
+#include <gtest/gtest.h>
+#include <openvdb/io/File.h>
+#include <openvdb/openvdb.h>
+#include <openvdb/tools/Interpolation.h>
+
+#include <iostream>  // which the next headers leave to their user
+
+#include <nanovdb/util/IO.h>
+#include <nanovdb/util/OpenToNanoVDB.h>
+
+#include <fstream>
+#include <random>
+
+#include "cache/file.h"
+#include "cache/volume_table.h"
+#include "tests/support/small_scene.h"
+
+namespace spillway::pipeline {
+namespace {
+
+namespace fs = std::filesystem;
+
+// A ball of smoke with a ripple, around the lattice's origin: samples of both signs of coordinates, halves all.
+openvdb::FloatGrid::Ptr smoke(float value_at_center = 1) {
+  openvdb::FloatGrid::Ptr grid = openvdb::FloatGrid::create(0);
+  grid->setName("density");
+  auto values = grid->getAccessor();
+  for (int z = -40; z <= 40; ++z)
+    for (int y = -20; y <= 20; ++y)
+      for (int x = -20; x <= 20; ++x)
+        if (const int r = x * x + y * y + z * z / 4; r < 400)
+          values.setValue({x, y, z}, value_at_center * static_cast<float>((400 - r) / 8) / 64);
+  openvdb::math::Transform::Ptr transform = openvdb::math::Transform::createLinearTransform(0.25);
+  transform->postRotate(0.3, openvdb::math::Y_AXIS);
+  transform->postTranslate({1, 2, 3});
+  grid->setTransform(transform);
+  return grid;
+}
+
+void write_vdb(const fs::path& file, const openvdb::GridPtrVec& grids) {
+  openvdb::initialize();
+  openvdb::io::File(file.string()).write(grids);
+}
+
+class VolumeDecoder : public testing::Test {
+ protected:
+  [[nodiscard]] fs::path file(const std::string& name) const { return directory_.path() / name; }
+  // The message of what must fail.
+  [[nodiscard]] std::string refused(const fs::path& source, const std::string& grid = "density") const {
+    const auto decoded = decode_volume(source, grid, file("refused.bricks"), {});
+    EXPECT_FALSE(fs::exists(file("refused.bricks")));
+    return decoded ? "" : decoded.error().message;
+  }
+
+  test::TemporaryDirectory directory_;
+};
+
+// The bricks of a file, by the lattice.
+class Bricks {
+ public:
+  Bricks(const fs::path& file, int32_t voxels) : size_(cache::brick_size_bytes(voxels, cache::VoxelType::half_float)) {
+    std::ifstream in(file, std::ios::binary);
+    bytes_.assign(std::istreambuf_iterator<char>(in), {});
+    voxels_ = voxels;
+    if (!bytes_.empty()) size_ = reinterpret_cast<const cache::VolumeBrickHeader*>(bytes_.data())->size_bytes;
+    for (size_t at = 0; at + size_ <= bytes_.size(); at += size_) {
+      const std::span brick(reinterpret_cast<const std::byte*>(bytes_.data()) + at, size_);
+      EXPECT_TRUE(cache::validate_volume_brick(brick, "brick"));
+      views_.emplace_back(brick);
+    }
+  }
+  [[nodiscard]] size_t count() const { return views_.size(); }
+  [[nodiscard]] cache::VoxelType type() const { return views_.at(0).header().type; }
+  [[nodiscard]] float at(Float3 p) const {
+    for (const cache::VolumeBrickView& view : views_) {
+      bool inside = true;
+      for (int a = 0; a < 3; ++a) {
+        const float from = p[a] - static_cast<float>(view.header().corner[a]);
+        inside = inside && from >= 0 && from < static_cast<float>(voxels_);
+      }
+      if (inside) return view.interpolate(p);
+    }
+    return 0;
+  }
+
+ private:
+  std::vector<char> bytes_;
+  std::vector<cache::VolumeBrickView> views_;
+  size_t size_;
+  int32_t voxels_;
+};
+
+TEST_F(VolumeDecoder, a_grid_comes_out_as_the_library_interpolates_it) {
+  for (const bool as_half : {true, false}) {
+    const openvdb::FloatGrid::Ptr grid = smoke();
+    grid->setSaveFloatAsHalf(as_half);
+    write_vdb(file("smoke.vdb"), {grid});
+    for (const int32_t voxels : {8, 32}) {
+      VolumeDecoderOptions options;
+      options.brick_voxels = voxels;
+      const auto decoded = decode_volume(file("smoke.vdb"), "density", file("smoke.bricks"), options);
+      ASSERT_TRUE(decoded) << decoded.error().message;
+      const Bricks bricks(file("smoke.bricks"), voxels);
+      EXPECT_GT(bricks.count(), voxels == 8 ? 100u : 7u);
+      EXPECT_EQ(bricks.type(), as_half ? cache::VoxelType::half_float : cache::VoxelType::single_float);
+      std::mt19937 random(7);
+      std::uniform_real_distribution<float> u(-45, 45);
+      for (int i = 0; i < 3000; ++i) {
+        const Float3 p{u(random) / 2, u(random) / 2, u(random)};
+        const double wanted =
+            openvdb::tools::BoxSampler::sample(grid->getConstAccessor(), openvdb::Vec3R(p.x, p.y, p.z));
+        ASSERT_NEAR(bricks.at(p), wanted, 1e-6);
+        const openvdb::Vec3d world = grid->indexToWorld(openvdb::Vec3d(p.x, p.y, p.z));
+        const Float3 ours = decoded->point(p);
+        ASSERT_NEAR(ours.x, world.x(), 1e-4);
+        ASSERT_NEAR(ours.y, world.y(), 1e-4);
+        ASSERT_NEAR(ours.z, world.z(), 1e-4);
+      }
+    }
+  }
+}
+
+TEST_F(VolumeDecoder, a_grid_without_its_box_in_the_file_is_read_whole) {
+  const openvdb::FloatGrid::Ptr grid = smoke();
+  openvdb::initialize();
+  openvdb::io::File out(file("bare.vdb").string());
+  out.setGridStatsMetadataEnabled(false);
+  out.write({grid});
+  write_vdb(file("smoke.vdb"), {grid});
+  for (const char* name : {"bare", "smoke"})
+    ASSERT_TRUE(decode_volume(file(std::string(name) + ".vdb"), "density", file(std::string(name) + ".bricks"), {}));
+  std::ifstream a(file("bare.bricks"), std::ios::binary), b(file("smoke.bricks"), std::ios::binary);
+  EXPECT_EQ(std::string(std::istreambuf_iterator<char>(a), {}), std::string(std::istreambuf_iterator<char>(b), {}));
+}
+
+TEST_F(VolumeDecoder, a_nanovdb_file_gives_the_same_samples) {
+  const openvdb::FloatGrid::Ptr grid = smoke();
+  write_vdb(file("smoke.vdb"), {grid});
+  const auto handle = nanovdb::openToNanoVDB(*grid);
+  nanovdb::io::writeGrid(file("smoke.nvdb").string(), handle, nanovdb::io::Codec::NONE);
+  const auto from_vdb = decode_volume(file("smoke.vdb"), "density", file("a.bricks"), {});
+  const auto from_nano = decode_volume(file("smoke.nvdb"), "density", file("b.bricks"), {});
+  ASSERT_TRUE(from_vdb && from_nano) << from_nano.error().message;
+  for (int row = 0; row < 3; ++row)
+    for (int column = 0; column < 4; ++column) EXPECT_NEAR(from_vdb->m[row][column], from_nano->m[row][column], 1e-6);
+  const Bricks a(file("a.bricks"), 32), b(file("b.bricks"), 32);
+  EXPECT_EQ(a.count(), b.count());
+  std::mt19937 random(8);
+  std::uniform_real_distribution<float> u(-20, 20);
+  for (int i = 0; i < 1000; ++i) {
+    const Float3 p{u(random), u(random), 2 * u(random)};
+    ASSERT_EQ(a.at(p), b.at(p));
+  }
+}
+
+TEST_F(VolumeDecoder, grids_that_are_no_density_are_refused_by_name) {
+  const openvdb::FloatGrid::Ptr negative = smoke(-1), infinite = smoke(INFINITY);
+  const auto empty = openvdb::FloatGrid::create(0);
+  const auto vectors = openvdb::Vec3SGrid::create();
+  negative->setName("negative"), infinite->setName("infinite"), empty->setName("empty"), vectors->setName("vectors");
+  vectors->getAccessor().setValue({1, 2, 3}, {1, 1, 1});
+  const auto far = openvdb::FloatGrid::create(0);
+  far->setName("far");
+  far->getAccessor().setValue({1 << 24, 0, 0}, 1);
+  write_vdb(file("bad.vdb"), {negative, infinite, empty, vectors, far});
+  EXPECT_NE(refused(file("bad.vdb"), "negative").find("the sample at ("), std::string::npos);
+  EXPECT_NE(refused(file("bad.vdb"), "infinite").find("must be finite"), std::string::npos);
+  EXPECT_NE(refused(file("bad.vdb"), "empty").find("is empty"), std::string::npos);
+  EXPECT_NE(refused(file("bad.vdb"), "vectors").find("float grids are possible"), std::string::npos);
+  EXPECT_NE(refused(file("bad.vdb"), "far").find("between -1048576"), std::string::npos);
+  EXPECT_NE(refused(file("bad.vdb"), "density").find("has no grid 'density'; it has 'empty'"), std::string::npos);
+  EXPECT_NE(refused(file("missing.vdb")).find("there is no such volume file"), std::string::npos);
+}
+
+TEST_F(VolumeDecoder, cut_and_flipped_files_are_refused_by_name_or_read) {
+  write_vdb(file("smoke.vdb"), {smoke()});
+  std::ifstream in(file("smoke.vdb"), std::ios::binary);
+  const std::string whole(std::istreambuf_iterator<char>(in), {});
+  const auto write = [&](const std::string& bytes) {
+    std::ofstream(file("damaged.vdb"), std::ios::binary | std::ios::trunc) << bytes;
+  };
+  for (const double part : {0.0, 0.001, 0.01, 0.05, 0.2, 0.5, 0.9, 0.999}) {
+    write(whole.substr(0, static_cast<size_t>(part * static_cast<double>(whole.size()))));
+    const std::string message = refused(file("damaged.vdb"));
+    EXPECT_NE(message.find("damaged.vdb"), std::string::npos) << part << ": " << message;
+  }
+  std::mt19937 random(9);
+  for (int i = 0; i < 8; ++i) {
+    std::string bytes = whole;
+    for (int k = 0; k < 3; ++k)
+      bytes[random() % std::min<size_t>(bytes.size(), 2000)] ^= static_cast<char>(1 << random() % 8);
+    write(bytes);
+    VolumeDecoderOptions options;
+    options.time_limit_seconds = 5, options.memory_limit_bytes = 1ull << 30;
+    const auto decoded = decode_volume(file("damaged.vdb"), "density", file("flipped.bricks"), options);
+    if (decoded) continue;
+    EXPECT_NE(decoded.error().message.find("damaged.vdb"), std::string::npos) << decoded.error().message;
+  }
+}
+
+}  // namespace
+}  // namespace spillway::pipeline
