@@ -1,5 +1,5 @@
-// Face textures: what a tile miss costs by compression and tile size, lookups a second beside OpenImageIO's texture() on
-// UV tiles, and a painted wall rendered within a twentieth of its textures.
+// Face textures: what a tile miss costs by compression and tile size, lookups a second beside OpenImageIO's texture()
+// on UV tiles, and a painted wall rendered within a twentieth of its textures.
 //
 //   face_texture_bench [--faces N] [--folder DIR] [--threads N] [--part tiles|lookups|frame]
 
@@ -48,8 +48,8 @@ std::vector<std::byte> paint(std::mt19937& random, uint32_t width, uint32_t heig
   for (uint32_t y = 0; y < height; ++y)
     for (uint32_t x = 0; x < width; ++x)
       for (uint32_t c = 0; c < channels; ++c)
-        texels[(size_t{y} * width + x) * channels + c] = static_cast<std::byte>(
-            static_cast<int>(120 + 80 * std::sin(step * x + phase) * std::cos(step * y + c) + static_cast<double>(random() % 8)));
+        texels[(size_t{y} * width + x) * channels + c] = static_cast<std::byte>(static_cast<int>(
+            120 + 80 * std::sin(step * x + phase) * std::cos(step * y + c) + static_cast<double>(random() % 8)));
   return texels;
 }
 
@@ -63,7 +63,8 @@ void write_faces(const fs::path& path, uint32_t faces, FaceTexCodec codec) {
   const auto infos = grid.faces([](uint32_t f) { return std::pair(log2_of(f), log2_of(f)); });
   check(writer->begin_texture({"faces", cache::FaceShape::quad, {}, {}, infos}));
   std::mt19937 random(1);
-  for (uint32_t f = 0; f < faces; ++f) check(writer->add_face(paint(random, 1u << infos[f].ulog2, 1u << infos[f].vlog2, 3)));
+  for (uint32_t f = 0; f < faces; ++f)
+    check(writer->add_face(paint(random, 1u << infos[f].ulog2, 1u << infos[f].vlog2, 3)));
   check(writer->finish());
 }
 
@@ -72,9 +73,11 @@ std::unique_ptr<cache::TextureCache> open_faces(const fs::path& path, uint32_t f
   cache::FaceContainerInfo info{};
   path.filename().string().copy(info.file_name, sizeof info.file_name - 1);
   info.face_count = faces, info.tile_count = file.tiles().size();
-  info.tile_bytes = static_cast<uint32_t>(file.format().tile_bytes()), info.image_count = static_cast<uint32_t>(file.images().size());
+  info.tile_bytes = static_cast<uint32_t>(file.format().tile_bytes()),
+  info.image_count = static_cast<uint32_t>(file.images().size());
   const cache::FaceTextureInfo texture{0, 0, faces, cache::FaceShape::quad, 3, {}};
-  return value_of(cache::TextureCache::open(path.parent_path(), {}, {.memory_limit_bytes = limit}, std::span(&info, 1), std::span(&texture, 1)));
+  return value_of(cache::TextureCache::open(path.parent_path(), {}, {.memory_limit_bytes = limit}, std::span(&info, 1),
+                                            std::span(&texture, 1)));
 }
 
 enum class Where { inside, edge };
@@ -88,7 +91,8 @@ std::vector<cache::FaceTextureRequest> sorted_requests(uint32_t faces, uint32_t 
     const float border = 1.0f / static_cast<float>(1u << log2_of(f));
     for (uint32_t i = 0; i < a_face; ++i) {
       const float u = where == Where::edge ? unit(random) * 0.4f * border : border + unit(random) * (1 - 2 * border);
-      requests.push_back({0, f, u, border + unit(random) * (1 - 2 * border), 0, 0, unit(random), cache::FaceLevelChoice::stochastic});
+      requests.push_back(
+          {0, f, u, border + unit(random) * (1 - 2 * border), 0, 0, unit(random), cache::FaceLevelChoice::stochastic});
     }
   }
   return requests;
@@ -139,7 +143,8 @@ void write_uv(const fs::path& path, const char* compression, OIIO::TypeDesc type
   OIIO::ImageSpec spec(kSize, kSize, 3, type);
   spec.tile_width = spec.tile_height = 64;
   spec.attribute("compression", compression);
-  if (!output || !output->open(path.string(), spec) || !output->write_image(OIIO::TypeUInt8, texels.data()) || !output->close())
+  if (!output || !output->open(path.string(), spec) || !output->write_image(OIIO::TypeUInt8, texels.data()) ||
+      !output->close())
     give_up(error("{}: cannot be written", path.string()));
 }
 
@@ -157,7 +162,9 @@ UvRun look_up_uv(const fs::path& path, bool sorted) {
   std::uniform_real_distribution<float> unit(0.05f, 0.95f);
   for (int ty = 0; ty < kTiles; ++ty)
     for (int tx = 0; tx < kTiles; ++tx)
-      for (int i = 0; i < kATile; ++i) places.emplace_back((static_cast<float>(tx) + unit(random)) / kTiles, (static_cast<float>(ty) + unit(random)) / kTiles);
+      for (int i = 0; i < kATile; ++i)
+        places.emplace_back((static_cast<float>(tx) + unit(random)) / kTiles,
+                            (static_cast<float>(ty) + unit(random)) / kTiles);
   if (!sorted) std::shuffle(places.begin(), places.end(), random);
   UvRun run;
   run.tiles = kTiles * kTiles, run.count = static_cast<double>(places.size());
@@ -170,7 +177,8 @@ UvRun look_up_uv(const fs::path& path, bool sorted) {
       auto* const handle = system->get_texture_handle(OIIO::ustring(path.string()));
       auto* const perthread = system->get_perthread_info();
       float value[3];
-      for (size_t i = first; i < last; ++i) system->texture(handle, perthread, options, places[i].first, places[i].second, 0, 0, 0, 0, 3, value);
+      for (size_t i = first; i < last; ++i)
+        system->texture(handle, perthread, options, places[i].first, places[i].second, 0, 0, 0, 0, 3, value);
     });
     *seconds = seconds_since(start);
   }
@@ -179,7 +187,8 @@ UvRun look_up_uv(const fs::path& path, bool sorted) {
 }
 
 void miss_of_images(const fs::path& folder) {
-  for (const auto& [name, compression, type] : {std::tuple{"uv.exr", "zips", OIIO::TypeHalf}, {"uv.tif", "none", OIIO::TypeUInt8}}) {
+  for (const auto& [name, compression, type] :
+       {std::tuple{"uv.exr", "zips", OIIO::TypeHalf}, {"uv.tif", "none", OIIO::TypeUInt8}}) {
     write_uv(folder / name, compression, type);
     const UvRun run = look_up_uv(folder / name, true);
     fmt::print("| texture(), {} {} | {} | {:.1f} | {:.2f} |\n", name, compression, fs::file_size(folder / name) >> 20,
@@ -201,7 +210,8 @@ void tile_sizes() {
       for (int i = 0; i < count; ++i)
         if (!cache::decompress_tile(codec, packed, out)) std::exit(1);
       const double us = seconds_since(start) / count * 1e6;
-      fmt::print("| {0} x {0} | {1} | {2} of {3} | {4:.1f} | {5:.2f} |\n", size, codec_name(codec), packed.size(), tile.size(), us, us * 1e3 / (size * size));
+      fmt::print("| {0} x {0} | {1} | {2} of {3} | {4:.1f} | {5:.2f} |\n", size, codec_name(codec), packed.size(),
+                 tile.size(), us, us * 1e3 / (size * size));
     }
 }
 
@@ -224,8 +234,9 @@ void lookups(const fs::path& folder, uint32_t faces) {
       if (!sorted) std::shuffle(requests.begin(), requests.end(), random);
       look_up_all(*textures, requests, false);
       const double rate = static_cast<double>(requests.size()) / look_up_all(*textures, requests, false) * 1e-6;
-      fmt::print("| face textures, {}, {} | {:.2f} | {:.2f} |\n", where == Where::inside ? "inside faces" : "across edges",
-                 sorted ? "sorted" : "random", rate, rate / base);
+      fmt::print("| face textures, {}, {} | {:.2f} | {:.2f} |\n",
+                 where == Where::inside ? "inside faces" : "across edges", sorted ? "sorted" : "random", rate,
+                 rate / base);
     }
 }
 
@@ -247,7 +258,8 @@ Result<pipeline::Store> pack_wall(const fs::path& store, uint32_t n, bool painte
     cache::FaceTexFormat format;
     const test::FaceGrid grid(n, n);
     const auto infos = grid.faces([](uint32_t) { return std::pair<uint8_t, uint8_t>{5, 5}; });
-    SPILLWAY_ASSIGN(const FaceTextureId id, packer->begin_face_texture(format, {"wall", cache::FaceShape::quad, {}, {}, infos}));
+    SPILLWAY_ASSIGN(const FaceTextureId id,
+                    packer->begin_face_texture(format, {"wall", cache::FaceShape::quad, {}, {}, infos}));
     std::mt19937 random(7);
     for (uint32_t f = 0; f < n * n; ++f) SPILLWAY_TRY(packer->add_face(paint(random, 32, 32, 3)));
     TextureNode node;
@@ -262,7 +274,8 @@ Result<pipeline::Store> pack_wall(const fs::path& store, uint32_t n, bool painte
   std::vector<TriangleFace> faces;
   for (uint32_t j = 0; j <= n; ++j)
     for (uint32_t i = 0; i <= n; ++i) {
-      const float x = 2.4f * (static_cast<float>(i) / static_cast<float>(n) - 0.5f), y = 2.4f * (static_cast<float>(j) / static_cast<float>(n) - 0.5f);
+      const float x = 2.4f * (static_cast<float>(i) / static_cast<float>(n) - 0.5f),
+                  y = 2.4f * (static_cast<float>(j) / static_cast<float>(n) - 0.5f);
       positions.push_back({x, y, 0.5f * std::cos(2 * x) * std::cos(2 * y)});  // a bowl: paths meet it again
     }
   for (uint32_t f = 0; f < n * n; ++f) {
@@ -286,20 +299,25 @@ void print_frame(const char* what, const pipeline::RenderReport& r, double base)
   for (const pipeline::WaveReport& w : r.waves) {
     unique += w.textures.wave_unique_bytes;
     if (w.textures.wave_unique_bytes > 0)
-      worst = std::max(worst, static_cast<double>(w.textures.bytes_read) / static_cast<double>(w.textures.wave_unique_bytes));
+      worst = std::max(worst,
+                       static_cast<double>(w.textures.bytes_read) / static_cast<double>(w.textures.wave_unique_bytes));
   }
   const uint64_t logged = r.io[static_cast<size_t>(cache::IoPurpose::textures)].read_bytes;
-  fmt::print("| {} | {:.2f} | {:.2f} | {:.1f} | {:.1f} | {:.3f} | {} | {:.1f} | {:.1f} |\n", what, r.seconds, r.seconds / base,
-             static_cast<double>(r.textures.bytes_read) / (1 << 20), static_cast<double>(unique) / (1 << 20), worst,
-             r.textures.tiles_read_again, static_cast<double>(logged) / (1 << 20), static_cast<double>(r.process_io.read_chars) / (1 << 20));
+  fmt::print("| {} | {:.2f} | {:.2f} | {:.1f} | {:.1f} | {:.3f} | {} | {:.1f} | {:.1f} |\n", what, r.seconds,
+             r.seconds / base, static_cast<double>(r.textures.bytes_read) / (1 << 20),
+             static_cast<double>(unique) / (1 << 20), worst, r.textures.tiles_read_again,
+             static_cast<double>(logged) / (1 << 20), static_cast<double>(r.process_io.read_chars) / (1 << 20));
 }
 
 void frame(const fs::path& folder, uint32_t n) {
-  const auto plain = value_of(pack_wall(folder / "plain.store", n, false)), painted = value_of(pack_wall(folder / "painted.store", n, true));
+  const auto plain = value_of(pack_wall(folder / "plain.store", n, false)),
+             painted = value_of(pack_wall(folder / "painted.store", n, true));
   const auto& info = painted.face_containers()[0];
   const uint64_t bytes = info.tile_count * info.tile_bytes;
   fmt::print("{} faces of 32 x 32, {} MB of tiles; 640 x 360, 16 samples\n\n", n * n, bytes >> 20);
-  fmt::print("| | seconds | of the plain one | MiB read | unique by wave | read / unique, worst wave | tiles again in a wave | logged reads | process reads |\n|---|---|---|---|---|---|---|---|---|\n");
+  fmt::print(
+      "| | seconds | of the plain one | MiB read | unique by wave | read / unique, worst wave | tiles again in a wave "
+      "| logged reads | process reads |\n|---|---|---|---|---|---|---|---|---|\n");
   pipeline::RenderOptions options;
   options.settings = plain.settings();
   const double base = value_of(pipeline::render_image(plain, options)).report.seconds;
@@ -311,7 +329,8 @@ void frame(const fs::path& folder, uint32_t n) {
   const uint64_t all = cache::TextureCache::bytes_for_all({}, painted.face_containers());
   for (const uint64_t part : {10, 20}) {
     options.plan.texture_bytes = all - bytes + bytes / part;
-    print_frame(fmt::format("textures within {} %", 100 / part).c_str(), value_of(pipeline::render_image(painted, options)).report, constant);
+    print_frame(fmt::format("textures within {} %", 100 / part).c_str(),
+                value_of(pipeline::render_image(painted, options)).report, constant);
   }
   options.read_ahead_textures = false;
   print_frame("the same, not read ahead", value_of(pipeline::render_image(painted, options)).report, constant);
@@ -330,7 +349,8 @@ void order(const fs::path& folder, uint32_t faces) {
     if (!sorted) std::shuffle(requests.begin(), requests.end(), random), requests.resize(requests.size() / 4);
     look_up_all(*textures, requests, sorted);
     const auto c = textures->counters();
-    fmt::print("| {} | {:.3f} | {} |\n", sorted ? "by face" : "none", static_cast<double>(c.bytes_read) / static_cast<double>(c.wave_unique_bytes), c.tiles_read_again);
+    fmt::print("| {} | {:.3f} | {} |\n", sorted ? "by face" : "none",
+               static_cast<double>(c.bytes_read) / static_cast<double>(c.wave_unique_bytes), c.tiles_read_again);
   }
 }
 

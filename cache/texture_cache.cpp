@@ -185,8 +185,7 @@ struct TextureCache::State {
            static_cast<uint32_t>(x) % kTileSize != kTileSize - 1 && static_cast<uint32_t>(y) % kTileSize != kTileSize - 1;
   }
 
-  bool bilinear(TileThread& thread, uint32_t index, uint32_t level, const TextureRequest& r, float weight,
-                float* sum) {
+  bool bilinear(TileThread& thread, uint32_t index, uint32_t level, const TextureRequest& r, float weight, float* sum) {
     const float u = r.wrap == WrapMode::repeat ? r.u - std::floor(r.u) : r.u;
     const float v = r.wrap == WrapMode::repeat ? r.v - std::floor(r.v) : r.v;
     const Image& image = images[index];
@@ -330,7 +329,8 @@ Status TextureCache::look_up_faces(std::span<const FaceTextureRequest> requests,
   for (size_t i = 0; i < requests.size(); ++i) {
     const FaceTexture& texture = s.faces[requests[i].texture];
     if (requests[i].face >= texture.faces.size())
-      return error("{}: face {} of {} is asked for; pack the scene again", texture.tiles->path, requests[i].face, texture.faces.size());
+      return error("{}: face {} of {} is asked for; pack the scene again", texture.tiles->path, requests[i].face,
+                   texture.faces.size());
     float sum[4] = {0, 0, 0, 0};
     ++thread.counters[texture.owner].lookups;
     if (!look_up_face(thread, texture, requests[i], sum))

@@ -155,10 +155,17 @@ std::vector<uint32_t> face_textures_in(std::span<const TextureNode> nodes, uint3
 
 std::vector<uint32_t> face_texture_params(const Material& m, std::span<const TextureNode> nodes) {
   std::vector<uint32_t> found;
-  const uint32_t textures[] = {m.reflectance.texture,   m.transmittance.texture,    m.u_roughness.texture,
-                               m.v_roughness.texture,   m.base_u_roughness.texture, m.base_v_roughness.texture,
-                               m.conductor_eta.texture, m.conductor_k.texture,      m.mix_amount.texture,
-                               m.displacement,          m.normal_map};
+  const uint32_t textures[] = {m.reflectance.texture,
+                               m.transmittance.texture,
+                               m.u_roughness.texture,
+                               m.v_roughness.texture,
+                               m.base_u_roughness.texture,
+                               m.base_v_roughness.texture,
+                               m.conductor_eta.texture,
+                               m.conductor_k.texture,
+                               m.mix_amount.texture,
+                               m.displacement,
+                               m.normal_map};
   for (const uint32_t texture : textures)
     if (texture != TextureId::kNone && !face_textures_in(nodes, texture).empty()) found.push_back(texture);
   return found;

@@ -397,14 +397,18 @@ namespace {
 Status validate_face_textures(const StoreTables& t, std::string_view where) {
   for (size_t c = 0; c < t.face_containers.size(); ++c) {
     const cache::FaceContainerInfo& info = t.face_containers[c];
-    if (std::memchr(info.file_name, 0, sizeof info.file_name) == nullptr || std::string_view(info.file_name).find('/') != std::string_view::npos)
+    if (std::memchr(info.file_name, 0, sizeof info.file_name) == nullptr ||
+        std::string_view(info.file_name).find('/') != std::string_view::npos)
       return damaged(where, section::kFaceContainers, c, "its file has no name");
-    if (info.tile_bytes == 0 || info.tile_bytes > (1u << 16) || info.tile_count > (uint64_t{1} << 44) || info.face_count > (uint64_t{1} << 40))
-      return damaged(where, section::kFaceContainers, c, "{} tiles of {} bytes for {} faces", info.tile_count, info.tile_bytes, info.face_count);
+    if (info.tile_bytes == 0 || info.tile_bytes > (1u << 16) || info.tile_count > (uint64_t{1} << 44) ||
+        info.face_count > (uint64_t{1} << 40))
+      return damaged(where, section::kFaceContainers, c, "{} tiles of {} bytes for {} faces", info.tile_count,
+                     info.tile_bytes, info.face_count);
   }
   for (size_t i = 0; i < t.face_textures.size(); ++i)
     if (t.face_textures[i].container >= t.face_containers.size())
-      return damaged(where, section::kFaceTextures, i, "lies in file {} of {}", t.face_textures[i].container, t.face_containers.size());
+      return damaged(where, section::kFaceTextures, i, "lies in file {} of {}", t.face_textures[i].container,
+                     t.face_containers.size());
   return {};
 }
 

@@ -26,7 +26,8 @@ int run(const Arguments& a) {
 }  // namespace
 
 void add_convert_command(CLI::App& app, int& exit_code) {
-  auto* command = app.add_subcommand("convert", "Turns a face texture (.ptx, .facetex, .exr) into another kind of file");
+  auto* command =
+      app.add_subcommand("convert", "Turns a face texture (.ptx, .facetex, .exr) into another kind of file");
   auto arguments = std::make_shared<Arguments>();
   command->add_option("from", arguments->from, "What to read")->required();
   command->add_option("to", arguments->to, "What to write: its name says the kind")->required();

@@ -58,11 +58,13 @@ Status write_ptx(const fs::path& from, const fs::path& to) {
   SPILLWAY_ASSIGN(const FaceTexFile file, open_one(from));
   const cache::FaceTexTexture& texture = file.textures()[0];
   PtxDescription ptx;
-  ptx.info = {texture.shape, file.format().type, file.format().channels, file.format().alpha_channel, texture.u_border, texture.v_border};
+  ptx.info = {texture.shape,    file.format().type, file.format().channels, file.format().alpha_channel,
+              texture.u_border, texture.v_border};
   for (uint32_t f = 0; f < texture.face_count; ++f) {
     PtxFace& face = ptx.faces.emplace_back();
     face.info = file.faces(texture)[f];
-    face.encoding = file.format().type <= cache::FaceTexelType::uint16 ? PtxEncoding::differences : PtxEncoding::deflated;
+    face.encoding =
+        file.format().type <= cache::FaceTexelType::uint16 ? PtxEncoding::differences : PtxEncoding::deflated;
     SPILLWAY_ASSIGN(face.texels, file.texels(texture, f, 0));
     SPILLWAY_ASSIGN(face.mean, file.texels(texture, f, std::max(face.info.ulog2, face.info.vlog2)));
   }
@@ -88,7 +90,9 @@ bool from_hex(const std::string& text, std::span<std::byte> bytes) {
   return true;
 }
 
-bool is_narrow(const FaceTexFormat& f) { return f.type == cache::FaceTexelType::uint8 || f.type == cache::FaceTexelType::half; }
+bool is_narrow(const FaceTexFormat& f) {
+  return f.type == cache::FaceTexelType::uint8 || f.type == cache::FaceTexelType::half;
+}
 
 OIIO::ImageSpec part_spec(const FaceTexFile& file, const FaceTexImage& image) {
   const FaceTexFormat& format = file.format();
@@ -103,15 +107,16 @@ OIIO::ImageSpec part_spec(const FaceTexFile& file, const FaceTexImage& image) {
 std::string description(const FaceTexFile& file) {
   const cache::FaceTexTexture& t = file.textures()[0];
   const FaceTexFormat& f = file.format();
-  const json text = {{"type", static_cast<int>(f.type)},         {"alpha", f.alpha_channel},
-                     {"encoding", static_cast<int>(f.encoding)}, {"gamma", f.gamma},
-                     {"shape", static_cast<int>(t.shape)},       {"u_border", static_cast<int>(t.u_border)},
-                     {"v_border", static_cast<int>(t.v_border)}, {"name", std::string(t.name)},
+  const json text = {{"type", static_cast<int>(f.type)},           {"alpha", f.alpha_channel},
+                     {"encoding", static_cast<int>(f.encoding)},   {"gamma", f.gamma},
+                     {"shape", static_cast<int>(t.shape)},         {"u_border", static_cast<int>(t.u_border)},
+                     {"v_border", static_cast<int>(t.v_border)},   {"name", std::string(t.name)},
                      {"faces", hex(std::as_bytes(file.faces(t)))}, {"numbers", hex(std::as_bytes(file.numbers(t)))}};
   return text.dump();
 }
 
-Result<std::vector<float>> decoded_image(const FaceTexFile& file, const cache::FaceTexDecoder& decoder, const FaceTexImage& image) {
+Result<std::vector<float>> decoded_image(const FaceTexFile& file, const cache::FaceTexDecoder& decoder,
+                                         const FaceTexImage& image) {
   const FaceTexFormat& format = file.format();
   std::vector<float> values(size_t{image.width} * image.height * format.channels);
   std::vector<std::byte> tile(format.tile_bytes());
@@ -135,6 +140,11 @@ Status write_exr(const fs::path& from, const fs::path& to) {
   std::vector<OIIO::ImageSpec> specs;
   for (const FaceTexImage& image : file.images())
     if (image.level == 0) parts.push_back(&image), specs.push_back(part_spec(file, image));
+  // Parts of an EXR have one display window.
+  int full_width = 0, full_height = 0;
+  for (const OIIO::ImageSpec& spec : specs)
+    full_width = std::max(full_width, spec.width), full_height = std::max(full_height, spec.height);
+  for (OIIO::ImageSpec& spec : specs) spec.full_width = full_width, spec.full_height = full_height;
   specs[0].attribute(kAttribute, description(file));
   fs::path temporary = to;
   temporary.replace_extension(fmt::format("{}.tmp.exr", getpid()));
@@ -144,9 +154,11 @@ Status write_exr(const fs::path& from, const fs::path& to) {
     return error("{}: cannot be written: {}", to.string(), what);
   };
   const auto output = OIIO::ImageOutput::create(temporary.string());
-  if (!output || !output->open(temporary.string(), static_cast<int>(specs.size()), specs.data())) return fail(OIIO::geterror());
+  if (!output || !output->open(temporary.string(), static_cast<int>(specs.size()), specs.data()))
+    return fail(output ? output->geterror() : OIIO::geterror());
   for (size_t p = 0; p < parts.size(); ++p) {
-    if (p > 0 && !output->open(temporary.string(), specs[p], OIIO::ImageOutput::AppendSubimage)) return fail(output->geterror());
+    if (p > 0 && !output->open(temporary.string(), specs[p], OIIO::ImageOutput::AppendSubimage))
+      return fail(output->geterror());
     const auto values = decoded_image(file, decoder, *parts[p]);
     if (!values) return fail(values.error().message);
     if (!output->write_image(OIIO::TypeFloat, values->data())) return fail(output->geterror());
@@ -167,20 +179,30 @@ struct Described {
 Status read_description(const std::string& text, const fs::path& path, Described& d) {
   const json j = json::parse(text, nullptr, false);
   const auto whole = [&](const char* name, int most) {
-    return j.is_object() && j.contains(name) && j[name].is_number_integer() && j[name] >= -1 && j[name] <= most ? j[name].get<int>() : -2;
+    return j.is_object() && j.contains(name) && j[name].is_number_integer() && j[name] >= -1 && j[name] <= most
+               ? j[name].get<int>()
+               : -2;
   };
-  const int type = whole("type", 3), alpha = whole("alpha", 3), encoding = whole("encoding", 2), shape = whole("shape", 1);
+  const int type = whole("type", 3), alpha = whole("alpha", 3), encoding = whole("encoding", 2),
+            shape = whole("shape", 1);
   const int u_border = whole("u_border", 2), v_border = whole("v_border", 2);
   const auto bad = [&] { return error("{}: its attribute '{}' is damaged", path.string(), kAttribute); };
-  if (std::min({type, encoding, shape, u_border, v_border}) < 0 || alpha < -1 || !j.contains("gamma") || !j["gamma"].is_number()) return bad();
+  if (std::min({type, encoding, shape, u_border, v_border}) < 0 || alpha < -1 || !j.contains("gamma") ||
+      !j["gamma"].is_number())
+    return bad();
   for (const char* name : {"name", "faces", "numbers"})
     if (!j.contains(name) || !j[name].is_string()) return bad();
   d.format.type = static_cast<cache::FaceTexelType>(type), d.format.alpha_channel = alpha;
   d.format.encoding = static_cast<cache::FaceTexEncoding>(encoding), d.format.gamma = j["gamma"];
-  d.texture = {j["name"], static_cast<cache::FaceShape>(shape), static_cast<cache::FaceBorder>(u_border), static_cast<cache::FaceBorder>(v_border), {}};
+  d.texture = {j["name"],
+               static_cast<cache::FaceShape>(shape),
+               static_cast<cache::FaceBorder>(u_border),
+               static_cast<cache::FaceBorder>(v_border),
+               {}};
   const std::string faces = j["faces"], numbers = j["numbers"];
   d.texture.faces.resize(faces.size() / 2 / sizeof(FaceInfo)), d.numbers.resize(d.texture.faces.size());
-  if (!from_hex(faces, std::as_writable_bytes(std::span(d.texture.faces))) || !from_hex(numbers, std::as_writable_bytes(std::span(d.numbers))))
+  if (!from_hex(faces, std::as_writable_bytes(std::span(d.texture.faces))) ||
+      !from_hex(numbers, std::as_writable_bytes(std::span(d.numbers))))
     return bad();
   return {};
 }
@@ -188,13 +210,16 @@ Status read_description(const std::string& text, const fs::path& path, Described
 // An ordinary image is one quad, its lowest row at v = 0.
 Status describe_one_quad(const OIIO::ImageSpec& spec, const fs::path& path, Described& d) {
   const auto width = static_cast<uint32_t>(spec.width), height = static_cast<uint32_t>(spec.height);
-  if (!std::has_single_bit(width) || !std::has_single_bit(height) || width >> cache::kMaxFaceLog2 > 1 || height >> cache::kMaxFaceLog2 > 1)
-    return error("{}: has {} x {} pixels; a face has powers of two, up to 2^{}", path.string(), width, height, cache::kMaxFaceLog2);
+  if (!std::has_single_bit(width) || !std::has_single_bit(height) || width >> cache::kMaxFaceLog2 > 1 ||
+      height >> cache::kMaxFaceLog2 > 1)
+    return error("{}: has {} x {} pixels; a face has powers of two, up to 2^{}", path.string(), width, height,
+                 cache::kMaxFaceLog2);
   d.format.type = spec.format == OIIO::TypeHalf ? cache::FaceTexelType::half : cache::FaceTexelType::float32;
   d.format.alpha_channel = spec.alpha_channel;
   d.texture.name = path.filename().string();
   d.texture.faces.resize(1), d.numbers = {0};
-  d.texture.faces[0].ulog2 = static_cast<uint8_t>(std::countr_zero(width)), d.texture.faces[0].vlog2 = static_cast<uint8_t>(std::countr_zero(height));
+  d.texture.faces[0].ulog2 = static_cast<uint8_t>(std::countr_zero(width)),
+  d.texture.faces[0].vlog2 = static_cast<uint8_t>(std::countr_zero(height));
   return {};
 }
 
@@ -202,7 +227,8 @@ Status read_exr(const fs::path& from, const fs::path& to, const ConvertOptions& 
   const auto input = OIIO::ImageInput::open(from.string());
   if (!input) return error("{}: cannot be read: {}", from.string(), OIIO::geterror());
   const OIIO::ImageSpec first = input->spec();
-  if (first.nchannels < 1 || first.nchannels > 4) return error("{}: has {} channels; 1 to 4 are possible", from.string(), first.nchannels);
+  if (first.nchannels < 1 || first.nchannels > 4)
+    return error("{}: has {} channels; 1 to 4 are possible", from.string(), first.nchannels);
   Described d;
   const std::string text = first.get_string_attribute(kAttribute);
   SPILLWAY_TRY(text.empty() ? describe_one_quad(first, from, d) : read_description(text, from, d));
@@ -223,11 +249,14 @@ Status read_exr(const fs::path& from, const fs::path& to, const ConvertOptions& 
   std::map<int, FaceTexImage> layouts;
   for (const auto& [size, part] : parts) {
     std::vector<FaceTexImage> images;
-    if (size.first > cache::kMaxFaceLog2 || size.second > cache::kMaxFaceLog2 || !append_images(0, {size.first, size.second, part.second}, images))
+    if (size.first > cache::kMaxFaceLog2 || size.second > cache::kMaxFaceLog2 ||
+        !append_images(0, {size.first, size.second, part.second}, images))
       return error("{}: its faces are too large", from.string());
     const OIIO::ImageSpec spec = input->spec(part.first, 0);
-    if (text.empty()) images[0].width = static_cast<uint32_t>(first.width), images[0].height = static_cast<uint32_t>(first.height);
-    if (spec.width != static_cast<int>(images[0].width) || spec.height != static_cast<int>(images[0].height) || spec.nchannels != first.nchannels)
+    if (text.empty())
+      images[0].width = static_cast<uint32_t>(first.width), images[0].height = static_cast<uint32_t>(first.height);
+    if (spec.width != static_cast<int>(images[0].width) || spec.height != static_cast<int>(images[0].height) ||
+        spec.nchannels != first.nchannels)
       return error("{}: part {} is not the one that '{}' describes", from.string(), part.first, kAttribute);
     std::vector<float>& of_part = pixels[part.first];
     of_part.resize(size_t{images[0].width} * images[0].height * d.format.channels);

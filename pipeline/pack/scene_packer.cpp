@@ -45,7 +45,8 @@ Status check_directory(const fs::path& directory) {
       return error("{}: holds '{}', which is no part of a store; name a new or empty directory", directory.string(),
                    entry.path().filename().string());
   for (const fs::directory_entry& entry : fs::directory_iterator(directory / kTexturesDirectory, code))
-    if (const std::string name = entry.path().filename().string(); !is_packed_image_name(name) && !is_face_container_name(name))
+    if (const std::string name = entry.path().filename().string();
+        !is_packed_image_name(name) && !is_face_container_name(name))
       return error("{}: is no image of a store; name a new or empty directory for the store", entry.path().string());
   return {};
 }
@@ -147,7 +148,8 @@ Result<FaceTextureId> ScenePacker::add_face_texture(const fs::path& file, TexelC
   return added;
 }
 
-Result<FaceTextureId> ScenePacker::begin_face_texture(const cache::FaceTexFormat& format, cache::FaceTextureShape texture) {
+Result<FaceTextureId> ScenePacker::begin_face_texture(const cache::FaceTexFormat& format,
+                                                      cache::FaceTextureShape texture) {
   if (!state_) return state_.error();
   auto begun = face_textures_->begin(format, std::move(texture));
   if (!begun) return fail<FaceTextureId>(begun.error());
@@ -270,27 +272,31 @@ std::vector<uint32_t> ScenePacker::face_textures_of(const MeshInput& mesh) const
     const Material& material = materials_[pending.back()];
     pending.pop_back();
     for (const uint32_t texture : face_texture_params(material, textures_)) add(texture);
-    if (material.kind == MaterialKind::mix) pending.insert(pending.end(), std::begin(material.mix_material), std::end(material.mix_material));
+    if (material.kind == MaterialKind::mix)
+      pending.insert(pending.end(), std::begin(material.mix_material), std::end(material.mix_material));
   }
   return found;
 }
 
 Status ScenePacker::check_faces(const MeshInput& mesh, const std::vector<uint32_t>& face_textures) const {
   if (mesh.faces.empty())
-    return error("{}: its material '{}' uses a face texture, but the shape has no faces: it must be a plymesh or trianglemesh",
-                 mesh.name, material_names_[mesh.material.value]);
+    return error(
+        "{}: its material '{}' uses a face texture, but the shape has no faces: it must be a plymesh or trianglemesh",
+        mesh.name, material_names_[mesh.material.value]);
   uint32_t faces = 0;
   bool has_whole = false, has_quads = false;
   for (const TriangleFace& f : mesh.faces)
     faces = std::max(faces, f.face + 1), has_whole = has_whole || f.is_whole, has_quads = has_quads || !f.is_whole;
   for (const uint32_t texture : face_textures) {
     const FaceTexturePacker::Requirements& wanted = face_textures_->requirements(texture);
-    const bool wrong_count = faces > wanted.face_count || faces == 0 || (faces < wanted.face_count && !wanted.has_subfaces);
+    const bool wrong_count =
+        faces > wanted.face_count || faces == 0 || (faces < wanted.face_count && !wanted.has_subfaces);
     if (wrong_count)
-      return error("{}: has {} faces, but its face texture '{}' has {}", mesh.name, faces, wanted.name, wanted.face_count);
+      return error("{}: has {} faces, but its face texture '{}' has {}", mesh.name, faces, wanted.name,
+                   wanted.face_count);
     if (wanted.shape == cache::FaceShape::quad ? has_whole : has_quads)
-      return error("{}: has {}, but its face texture '{}' is for {}", mesh.name, has_whole ? "triangles" : "quads", wanted.name,
-                   wanted.shape == cache::FaceShape::quad ? "quads" : "triangles");
+      return error("{}: has {}, but its face texture '{}' is for {}", mesh.name, has_whole ? "triangles" : "quads",
+                   wanted.name, wanted.shape == cache::FaceShape::quad ? "quads" : "triangles");
   }
   return {};
 }
@@ -307,7 +313,7 @@ Status ScenePacker::add_mesh(const MeshInput& given) {
   const bool is_interface = mesh.divides_media && !mesh.material.valid();
   if (is_interface) {
     SPILLWAY_ASSIGN(mesh.material, interface_material());
-    mesh.alpha = {};
+    mesh.alpha = {}, mesh.faces = {};
   }
   const std::vector<uint32_t> face_textures = face_textures_->size() == 0 ? std::vector<uint32_t>{} : face_textures_of(mesh);
   if (face_textures.empty()) mesh.faces = {};
@@ -328,6 +334,8 @@ Status ScenePacker::check_displacement(const SubdivisionInput& subdivision) cons
     return error("{}: is displaced by texture {} of {}", name, texture.value, textures_.size());
   if (subdivision.cage.uvs.empty() && reads_uvs(textures_, texture.value))
     return error("{}: is displaced by a texture of uvs, and has none", name);
+  if (!face_textures_in(textures_, texture.value).empty())
+    return error("{}: a face texture cannot displace it", name);
   return {};
 }
 

@@ -18,7 +18,8 @@ Status check_counts(const MeshInput& input) {
   if (!input.uvs.empty() && input.uvs.size() != input.positions.size())
     return error("{}: has {} uvs for {} vertices", input.name, input.uvs.size(), input.positions.size());
   if (!input.faces.empty() && input.faces.size() != input.indices.size() / 3)
-    return error("{}: has {} faces of a texture for {} triangles", input.name, input.faces.size(), input.indices.size() / 3);
+    return error("{}: has {} faces of a texture for {} triangles", input.name, input.faces.size(),
+                 input.indices.size() / 3);
   return {};
 }
 

@@ -110,8 +110,8 @@ void connect(RenderState& state) {
   state.resolver = std::make_unique<MaterialResolver>(in.tables, settings.render.seed);
   in.resolver = state.resolver.get();
   in.wants_aovs = state.options.aov_layers;
-  in.stages_face_textures = state.options.read_ahead_textures && state.textures && state.textures->has_face_textures() &&
-                            !state.plan.textures_fit;
+  in.stages_face_textures = state.options.read_ahead_textures && state.textures &&
+                            state.textures->has_face_textures() && !state.plan.textures_fit;
 }
 
 }  // namespace
@@ -179,7 +179,8 @@ void fill_texture_report(const RenderState& state, const CountersBefore& before,
   for (size_t i = 0; i < now.size(); ++i) {
     const bool is_face = i >= image_count;
     const uint32_t index = static_cast<uint32_t>(is_face ? i - image_count : i);
-    std::string name = is_face ? state.store.name_of("face_texture", index) : std::string(state.store.images()[i].file_name);
+    std::string name =
+        is_face ? state.store.name_of("face_texture", index) : std::string(state.store.images()[i].file_name);
     report.by_texture.push_back({std::move(name), is_face, cache::gained(now[i], before.textures[i])});
     report.textures += report.by_texture.back().counters;
   }

@@ -125,7 +125,8 @@ MaterialResolver::MaterialResolver(const MaterialTables& tables, uint32_t seed) 
     std::vector<uint32_t> faces;
     if (tables.textures != nullptr) faces = face_texture_params(m, tables.textures->nodes());
     if (m.kind == MaterialKind::mix)
-      for (const uint32_t part : m.mix_material) faces.insert(faces.end(), face_textures_[part].begin(), face_textures_[part].end());
+      for (const uint32_t part : m.mix_material)
+        faces.insert(faces.end(), face_textures_[part].begin(), face_textures_[part].end());
     face_textures_.push_back(std::move(faces));
   }
 }
@@ -136,7 +137,8 @@ Status MaterialResolver::resolve(std::span<SurfaceQuery> block, Scratch& scratch
   return resolve_leaves(block, scratch);
 }
 
-void MaterialResolver::append_face_requests(const SurfaceQuery& q, std::vector<cache::FaceTextureRequest>& requests) const {
+void MaterialResolver::append_face_requests(const SurfaceQuery& q,
+                                            std::vector<cache::FaceTextureRequest>& requests) const {
   if (q.point->face == nullptr) return;
   const Mesh& mesh = tables_.meshes[q.mesh];
   if (q.hit->hit.flags & cache::kHitAlphaUnknown)

@@ -123,7 +123,8 @@ class Shader {
       scratch.points[i] = shading_point(triangle, hit, transform, flip);
       set_media(inputs_.tables.meshes[mesh], hit.path.medium, scratch.points[i]);
       if (triangle.has_face) {
-        scratch.face_points[i] = face_point(triangle, hit, transform, scratch.points[i].width_world, inputs_.settings.seed);
+        scratch.face_points[i] =
+            face_point(triangle, hit, transform, scratch.points[i].width_world, inputs_.settings.seed);
         scratch.points[i].face = &scratch.face_points[i];
       }
       scratch.queries[i] = SurfaceQuery{&hit, &scratch.points[i], mesh, true, 0, {}};

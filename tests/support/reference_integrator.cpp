@@ -189,8 +189,9 @@ Status open(const Store& store, const ReferenceOptions& options, ReferenceState&
   state.attributes = std::make_unique<AttributeStore>(std::move(parts), store.attributes());
   if (!store.images().empty() || !store.face_textures().empty()) {
     const uint64_t bytes = cache::TextureCache::bytes_for_all(store.images(), store.face_containers());
-    SPILLWAY_ASSIGN(state.textures, cache::TextureCache::open(store.textures_path(), store.images(), {.memory_limit_bytes = bytes},
-                                                              store.face_containers(), store.face_textures()));
+    SPILLWAY_ASSIGN(state.textures,
+                    cache::TextureCache::open(store.textures_path(), store.images(), {.memory_limit_bytes = bytes},
+                                              store.face_containers(), store.face_textures()));
   }
   state.evaluator = std::make_unique<TextureEvaluator>(store.textures(), state.textures.get());
   const RenderSettings& render = options.settings.render;

@@ -156,11 +156,13 @@ Status add_painted_wall(Builder& b, ScenePacker& packer) {
   format.type = cache::FaceTexelType::float32;  // so that its tiles outweigh the smallest cache
   auto infos = faces.faces([](uint32_t f) { return std::pair<uint8_t, uint8_t>{f % 8, (f + 3) % 8}; });
   infos[9].flags = cache::kFaceIsConstant;
-  SPILLWAY_ASSIGN(const FaceTextureId id, packer.begin_face_texture(format, {"wall", cache::FaceShape::quad, {}, {}, infos}));
+  SPILLWAY_ASSIGN(const FaceTextureId id,
+                  packer.begin_face_texture(format, {"wall", cache::FaceShape::quad, {}, {}, infos}));
   for (uint32_t f = 0; f < infos.size(); ++f)
-    SPILLWAY_TRY(packer.add_face(painted_face(format, infos[f], cache::FaceShape::quad, [&](double u, double v, uint32_t c) {
-      return 0.4 + 0.3 * std::sin(20 * u + f) * std::cos(17 * v + c);
-    })));
+    SPILLWAY_TRY(
+        packer.add_face(painted_face(format, infos[f], cache::FaceShape::quad, [&](double u, double v, uint32_t c) {
+          return 0.4 + 0.3 * std::sin(20 * u + f) * std::cos(17 * v + c);
+        })));
   TextureNode node;
   node.kind = TextureKind::face, node.image = id.value;
   for (float& v : node.value) v = 1;

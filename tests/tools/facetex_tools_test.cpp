@@ -19,7 +19,9 @@ using pipeline::PtxFile;
 
 class FaceTexTools : public testing::Test {
  protected:
-  static fs::path reference(const std::string& name) { return fs::path(SPILLWAY_SOURCE_DIR) / "tests/data/ptex" / (name + ".ptx"); }
+  static fs::path reference(const std::string& name) {
+    return fs::path(SPILLWAY_SOURCE_DIR) / "tests/data/ptex" / (name + ".ptx");
+  }
   fs::path file(const std::string& name) const { return directory_.path() / name; }
   void convert(const fs::path& from, const fs::path& to) {
     const Status done = convert_face_texture(from, to, {});
@@ -29,7 +31,9 @@ class FaceTexTools : public testing::Test {
     std::ifstream stream(path, std::ios::binary);
     return {std::istreambuf_iterator<char>(stream), {}};
   }
-  int run(const std::string& command) const { return std::system((command + " > " + file("out.txt").string() + " 2>&1").c_str()); }
+  int run(const std::string& command) const {
+    return std::system((command + " > " + file("out.txt").string() + " 2>&1").c_str());
+  }
 
   test::TemporaryDirectory directory_;
 };
@@ -49,7 +53,8 @@ TEST_F(FaceTexTools, ptx_becomes_facetex_becomes_exr_and_comes_back_texel_for_te
       EXPECT_TRUE(std::equal(std::begin(before->faces()[f].adjacent_faces), std::end(before->faces()[f].adjacent_faces),
                              after->faces()[f].adjacent_faces));
     }
-    for (const auto& entry : fs::directory_iterator(directory_.path())) EXPECT_EQ(entry.path().string().find(".tmp"), std::string::npos);
+    for (const auto& entry : fs::directory_iterator(directory_.path()))
+      EXPECT_EQ(entry.path().string().find(".tmp"), std::string::npos);
   }
 }
 
@@ -79,7 +84,9 @@ TEST_F(FaceTexTools, what_cannot_be_converted_is_refused_and_leaves_nothing) {
 
 TEST_F(FaceTexTools, the_program_converts) {
   const std::string program = SPILLWAY_PROGRAM;
-  EXPECT_EQ(run(program + " convert " + reference("cube").string() + " " + file("a.facetex").string() + " --compression zstd"), 0);
+  EXPECT_EQ(run(program + " convert " + reference("cube").string() + " " + file("a.facetex").string() +
+                " --compression zstd"),
+            0);
   EXPECT_TRUE(fs::exists(file("a.facetex")));
   EXPECT_NE(run(program + " convert " + file("none.ptx").string() + " " + file("b.facetex").string()), 0);
 }
@@ -93,7 +100,8 @@ TEST_F(FaceTexTools, oiiotool_opens_facetex_files_with_the_plugin) {
   const std::string info = bytes(file("out.txt"));
   EXPECT_NE(info.find("facetex"), std::string::npos) << info;
   EXPECT_NE(info.find("64 x   96, 3 channel"), std::string::npos) << info;  // six faces of 32 x 32, two side by side
-  ASSERT_EQ(run(oiiotool + file("cube.facetex").string() + " --subimage 1 -o " + file("level.exr").string()), 0) << bytes(file("out.txt"));
+  ASSERT_EQ(run(oiiotool + file("cube.facetex").string() + " --subimage 1 -o " + file("level.exr").string()), 0)
+      << bytes(file("out.txt"));
   const auto input = OIIO::ImageInput::open(file("level.exr").string());
   ASSERT_TRUE(input);
   EXPECT_EQ(input->spec().width, 64);

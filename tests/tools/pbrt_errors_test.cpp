@@ -229,7 +229,7 @@ TEST(pbrt_errors, textures_are_checked) {
            "\nMaterial \"diffuse\" \"texture reflectance\" \"t\"\n" + std::string(kTriangle);
   };
   expect_errors({
-      {with("\"ptex\""), "scene.pbrt:2:24: texture type \"ptex\" of \"t\" is not supported"},
+      {with("\"voronoi\""), "scene.pbrt:2:24: texture type \"voronoi\" of \"t\" is not supported"},
       {with("\"fbm\""), "scene.pbrt:2:24: texture type \"fbm\" of \"t\" is not supported for spectrum textures"},
       {with("\"marble\" \"integer octaves\" 33"), "scene.pbrt:2:24: 33 octaves of noise"},
       {with("\"marble\" \"integer octaves\" -1"), "scene.pbrt:2:24: -1 octaves of noise"},

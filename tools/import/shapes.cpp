@@ -101,7 +101,8 @@ Result<PlyMesh> read_plymesh(const ShapeSource& source) {
         session.ignorable(displacement->place, "displaced meshes are not supported yet: remove \"displacement\""));
   }
   name = file->strings[0];
-  Result<PlyMesh> mesh = read_ply(session.resolved(name), session.has_face_textures ? PlyFaces::numbered_triangles : PlyFaces::triangles);
+  Result<PlyMesh> mesh =
+      read_ply(session.resolved(name), session.has_face_textures ? PlyFaces::numbered_triangles : PlyFaces::triangles);
   if (!mesh) return error_at(file->place, "{}", mesh.error().message);
   return mesh;
 }
