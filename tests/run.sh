@@ -42,16 +42,16 @@ tools/setup.sh || exit 1
 build release || { echo "0 passed, 1 failed"; exit 1; }
 run build cache 3
 run build shading 3
-run build pipeline 3
-run build tools 4
+run build pipeline 5
+run build tools 6
 
 # Leaks are looked for in our own allocations; the libraries keep global tables for the life of the process.
 export ASAN_OPTIONS=detect_leaks=0 UBSAN_OPTIONS=print_stacktrace=1
 build asan || { echo "$passed passed, $((failed + 1)) failed"; exit 1; }
-run build/asan cache 3
-run build/asan shading 3
-run build/asan pipeline 3
-run build/asan tools 4
+run build/asan cache 4
+run build/asan shading 4
+run build/asan pipeline 10
+run build/asan tools 10
 
 echo "took $(clock)"
 echo "$passed passed, $failed failed, $skipped skipped"
