@@ -91,6 +91,7 @@ TEST_F(FaceTexTools, the_program_converts) {
   EXPECT_NE(run(program + " convert " + file("none.ptx").string() + " " + file("b.facetex").string()), 0);
 }
 
+#ifndef __SANITIZE_ADDRESS__  // oiiotool as installed has no runtime of the sanitizer, which the plugin then needs
 TEST_F(FaceTexTools, oiiotool_opens_facetex_files_with_the_plugin) {
   convert(reference("cube"), file("cube.facetex"));
   const fs::path plugins = fs::path(SPILLWAY_PROGRAM).parent_path() / "plugins";
@@ -116,6 +117,7 @@ TEST_F(FaceTexTools, oiiotool_opens_facetex_files_with_the_plugin) {
     for (uint32_t x = 0; x < 48; ++x)
       EXPECT_NEAR(pixels[(y * 64 + 16) * 3 + x], static_cast<float>((*texels)[y * 48 + x]) / 255, 1e-3f);
 }
+#endif
 
 }  // namespace
 }  // namespace spillway::tools
