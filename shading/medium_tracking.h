@@ -4,6 +4,8 @@
 
 #include <algorithm>
 
+#include "shading/medium.h"
+
 namespace spillway::shading {
 
 // The steps of a Poisson process of rate `majorant` along [begin, end), keyed by cell and step.
