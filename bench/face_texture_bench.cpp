@@ -1,7 +1,7 @@
 // Face textures: what a tile miss costs by compression and tile size, lookups a second beside OpenImageIO's texture()
 // on UV tiles, and a painted wall rendered within a twentieth of its textures.
 //
-//   face_texture_bench [--faces N] [--folder DIR] [--threads N] [--part tiles|lookups|frame]
+//   face_texture_bench [--faces N] [--scratch DIR] [--threads N] [--part tiles|lookups|order|frame]
 
 #include <OpenImageIO/imageio.h>
 #include <OpenImageIO/texture.h>
@@ -361,14 +361,15 @@ int main(int argc, char** argv) {
   using namespace spillway;
   uint32_t faces = 6000;
   int threads = 2;
-  std::string part, folder = std::filesystem::temp_directory_path() / "face_texture_bench";
+  std::string part, scratch = std::filesystem::temp_directory_path();
   CLI::App app("Face textures: tile misses, lookups, a frame.");
   app.add_option("--faces", faces);
   app.add_option("--threads", threads);
-  app.add_option("--folder", folder);
+  app.add_option("--scratch", scratch);
   app.add_option("--part", part);
   CLI11_PARSE(app, argc, argv);
   const tbb::global_control control(tbb::global_control::max_allowed_parallelism, static_cast<size_t>(threads));
+  const std::filesystem::path folder = std::filesystem::path(scratch) / "face_texture_bench";
   std::filesystem::create_directories(folder);
   if (part.empty() || part == "tiles") miss_of_codecs(folder, faces), miss_of_images(folder), tile_sizes();
   if (part.empty() || part == "lookups") lookups(folder, std::min(faces, 2000u));

@@ -7,8 +7,6 @@
 //    light sample is that of the tree's chances over that of chances in proportion to the unoccluded contribution; both
 //    with the same places on the lights, and the same shadows.
 
-#include <tbb/global_control.h>
-#include <tbb/task_arena.h>
 
 #include <CLI/CLI.hpp>
 #include <chrono>
@@ -195,9 +193,7 @@ int main(int argc, char** argv) {
   app.add_option("--seed", arguments.seed);
   app.add_option("--up", arguments.up, "the axis that points up")->check(CLI::IsMember({"x", "y", "z"}));
   CLI11_PARSE(app, argc, argv);
-  const tbb::global_control control(tbb::global_control::max_allowed_parallelism, static_cast<size_t>(arguments.threads));
-  tbb::task_arena arena(arguments.threads);
-  const auto status = arena.execute([&] { return spillway::bench::run(arguments); });
-  if (!status) fmt::print(stderr, "{}\n", status.error().message);
+  const auto status = spillway::on_threads(arguments.threads, [&] { return spillway::bench::run(arguments); });
+  if (!status) fmt::print(stderr, "light_bench: {}\n", status.error().message);
   return status ? 0 : 1;
 }

@@ -5,8 +5,6 @@
 //
 // Every figure is the best of the repetitions, which alternate; ratios above one favour us.
 
-#include <tbb/global_control.h>
-#include <tbb/task_arena.h>
 
 #include <CLI/CLI.hpp>
 #include <atomic>
@@ -173,9 +171,7 @@ int main(int argc, char** argv) {
   app.add_option("--rays", arguments.rays);
   app.add_flag("--kernel-only", arguments.kernel_only);
   CLI11_PARSE(app, argc, argv);
-  const tbb::global_control control(tbb::global_control::max_allowed_parallelism, static_cast<size_t>(arguments.threads));
-  tbb::task_arena arena(arguments.threads);
-  const auto status = arena.execute([&] { return spillway::bench::run(arguments); });
+  const auto status = spillway::on_threads(arguments.threads, [&] { return spillway::bench::run(arguments); });
   if (!status) fmt::print(stderr, "render_bench: {}\n", status.error().message);
   return status ? 0 : 1;
 }

@@ -4,7 +4,6 @@
 //   walls_bench [--rays N] [--threads N]
 
 #include <tbb/global_control.h>
-#include <tbb/task_arena.h>
 
 #include <CLI/CLI.hpp>
 #include <atomic>

@@ -1,10 +1,10 @@
-#include <tbb/global_control.h>
 #include <tbb/task_arena.h>
 
 #include <charconv>
 #include <map>
 #include <memory>
 
+#include "cache/base/parallel.h"
 #include "pipeline/pack/scene_packer.h"
 #include "tools/city/city.h"
 #include "tools/city/manifest.h"
@@ -112,9 +112,7 @@ Status make_city(CityArguments& a) {
 
 int run(CityArguments& a) {
   const int threads = a.threads ? static_cast<int>(a.threads) : tbb::this_task_arena::max_concurrency();
-  const tbb::global_control control(tbb::global_control::max_allowed_parallelism, static_cast<size_t>(threads));
-  tbb::task_arena arena(threads);
-  const Status status = arena.execute([&] { return make_city(a); });
+  const Status status = on_threads(threads, [&] { return make_city(a); });
   return status ? kExitOk : fail(status.error().message);
 }
 

@@ -1,4 +1,3 @@
-#include <tbb/global_control.h>
 #include <tbb/task_arena.h>
 #include <unistd.h>
 
@@ -6,6 +5,7 @@
 #include <fstream>
 #include <map>
 
+#include "cache/base/parallel.h"
 #include "cache/trace_log.h"
 #include "pipeline/render/render_image.h"
 #include "pipeline/render/write_image.h"
@@ -213,9 +213,7 @@ Result<int> render(const RenderArguments& arguments) {
 
 int run(const RenderArguments& arguments) {
   const int threads = arguments.threads ? static_cast<int>(arguments.threads) : tbb::this_task_arena::max_concurrency();
-  const tbb::global_control control(tbb::global_control::max_allowed_parallelism, static_cast<size_t>(threads));
-  tbb::task_arena arena(threads);
-  const Result<int> code = arena.execute([&] { return render(arguments); });
+  const Result<int> code = on_threads(threads, [&] { return render(arguments); });
   return code ? *code : fail(code.error().message);
 }
 

@@ -4,7 +4,9 @@
 // number of threads; results are appended in block order.
 
 #include <tbb/blocked_range.h>
+#include <tbb/global_control.h>
 #include <tbb/parallel_for.h>
+#include <tbb/task_arena.h>
 
 #include <cstddef>
 
@@ -23,6 +25,14 @@ void parallel_blocks(size_t count, size_t block, const Body& body) {
       body(b, first, first + block < count ? first + block : count);
     }
   }, tbb::simple_partitioner());
+}
+
+// What body() returns, run with that many threads: neither fewer, whatever the machine has, nor more in libraries that use
+// oneTBB outside of the arena.
+template <class Body>
+auto on_threads(int count, const Body& body) {
+  const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, static_cast<size_t>(count));
+  return tbb::task_arena(count).execute(body);
 }
 
 }  // namespace spillway

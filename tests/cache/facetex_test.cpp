@@ -1,10 +1,9 @@
 // .facetex files: what is written is what is read, whatever reads it, and nothing else is.
 
+#include "cache/base/parallel.h"
 #include "cache/facetex_file.h"
 
 #include <gtest/gtest.h>
-#include <tbb/global_control.h>
-#include <tbb/task_arena.h>
 
 #include <cstring>
 #include <fstream>
@@ -126,9 +125,7 @@ TEST_F(FaceTexTest, coarser_levels_are_means_in_linear_light_rounded_to_the_near
 TEST_F(FaceTexTest, the_bytes_do_not_depend_on_threads) {
   std::string first;
   for (const int threads : {1, 4}) {
-    tbb::global_control control(tbb::global_control::max_allowed_parallelism, static_cast<size_t>(threads));
-    tbb::task_arena arena(threads);
-    arena.execute([&] { write({FaceTexelType::uint8, 3}); });
+    on_threads(threads, [&] { write({FaceTexelType::uint8, 3}); });
     if (first.empty()) first = bytes();
     EXPECT_TRUE(bytes() == first) << threads;
   }

@@ -5,6 +5,7 @@
 #include <cstring>
 
 #include "pipeline/pack/make_motion.h"
+#include "tests/support/kernel_scene.h"
 #include "tests/support/random_motion.h"
 
 namespace spillway::cache {

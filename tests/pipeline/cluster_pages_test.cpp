@@ -2,10 +2,11 @@
 
 #include <gtest/gtest.h>
 #include <tbb/parallel_for.h>
-#include <tbb/task_arena.h>
 
 #include <algorithm>
 #include <random>
+
+#include "cache/base/parallel.h"
 
 namespace spillway::pipeline {
 namespace {
@@ -82,12 +83,9 @@ TEST(cluster_pages, coincident_triangles_still_make_full_pages) {
 
 TEST(cluster_pages, neither_threads_nor_input_order_show) {
   auto items = random_items(200000, 3);
-  tbb::task_arena one(1);
-  const Clustered expected = one.execute([&] { return clustered(items, 3000); });
-  for (const int threads : {2, 7}) {
-    tbb::task_arena arena(threads);
-    EXPECT_TRUE(arena.execute([&] { return clustered(items, 3000); }) == expected) << threads;
-  }
+  const Clustered expected = on_threads(1, [&] { return clustered(items, 3000); });
+  for (const int threads : {2, 7})
+    EXPECT_TRUE(on_threads(threads, [&] { return clustered(items, 3000); }) == expected) << threads;
   std::shuffle(items.begin(), items.end(), std::mt19937(4));
   EXPECT_TRUE(clustered(items, 3000) == expected);
 }

@@ -1,11 +1,10 @@
 // A scene in which all moves that can: the same bits however it is rendered, and every hit shaded where it was found.
 
 #include <gtest/gtest.h>
-#include <tbb/global_control.h>
-#include <tbb/task_arena.h>
 
 #include <cmath>
 
+#include "cache/base/parallel.h"
 #include "pipeline/render/attribute_store.h"
 #include "pipeline/render/generate_rays.h"
 #include "pipeline/render/render_image.h"
@@ -37,9 +36,7 @@ class MovingScene : public testing::Test {
     return o;
   }
   static RenderedImage render(const RenderOptions& o, int threads, const Store& store) {
-    tbb::global_control control(tbb::global_control::max_allowed_parallelism, static_cast<size_t>(threads));
-    tbb::task_arena arena(threads);
-    Result<RenderedImage> image = arena.execute([&] { return render_image(store, o); });
+    Result<RenderedImage> image = on_threads(threads, [&] { return render_image(store, o); });
     EXPECT_TRUE(image) << image.error().message;
     return image ? std::move(*image) : RenderedImage{};
   }

@@ -2,13 +2,12 @@
 // the counters, and the streamed image equals that of the depth-first reference integrator, bit for bit.
 
 #include <gtest/gtest.h>
-#include <tbb/global_control.h>
-#include <tbb/task_arena.h>
 
 #include <fstream>
 #include <map>
 #include <nlohmann/json.hpp>
 
+#include "cache/base/parallel.h"
 #include "cache/trace_log.h"
 #include "pipeline/render/render_image.h"
 #include "tests/support/reference_integrator.h"
@@ -39,9 +38,7 @@ class SameBits : public testing::Test {
   }
 
   static RenderedImage render(const RenderOptions& o, int threads, const Store& store) {
-    tbb::global_control control(tbb::global_control::max_allowed_parallelism, static_cast<size_t>(threads));
-    tbb::task_arena arena(threads);
-    Result<RenderedImage> image = arena.execute([&] { return render_image(store, o); });
+    Result<RenderedImage> image = on_threads(threads, [&] { return render_image(store, o); });
     EXPECT_TRUE(image) << image.error().message;
     return image ? std::move(*image) : RenderedImage{};
   }
@@ -371,9 +368,7 @@ class SameBitsInMedia : public testing::Test {
     options_.scratch_directory = directory_.path();
   }
   static RenderedImage render(const RenderOptions& o, const Store& store, int threads = 2) {
-    tbb::global_control control(tbb::global_control::max_allowed_parallelism, static_cast<size_t>(threads));
-    tbb::task_arena arena(threads);
-    Result<RenderedImage> image = arena.execute([&] { return render_image(store, o); });
+    Result<RenderedImage> image = on_threads(threads, [&] { return render_image(store, o); });
     EXPECT_TRUE(image) << image.error().message;
     return image ? std::move(*image) : RenderedImage{};
   }

@@ -4,12 +4,12 @@
 
 #include <algorithm>
 #include <cmath>
-#include <random>
 #include <string>
 #include <vector>
 
 #include "shading/microfacet.h"
 #include "tests/support/chi_square.h"
+#include "tests/support/random.h"
 
 namespace spillway::shading {
 namespace {
@@ -85,21 +85,13 @@ size_t bin_of(Float3 w) {
   return static_cast<size_t>(row * kColumns + std::min(kColumns - 1, static_cast<int>(turn * kColumns)));
 }
 
-class Uniform {
- public:
-  float operator()() { return static_cast<float>(engine_() >> 40) * 0x1p-24f; }
-
- private:
-  std::mt19937_64 engine_{7};
-};
-
 TEST(Bsdf, directions_are_sampled_as_their_pdf_says) {
   constexpr int kSamples = 400000;
   for (const Case& c : continuous_cases())
     for (const Float3 w_prev : directions_to(c.bsdf)) {
       const Integrals expected = integrate(c.bsdf, w_prev);
       std::vector<double> seen(kRows * kColumns);
-      Uniform u;
+      test::Random u(7);
       for (int i = 0; i < kSamples; ++i) {
         const float x = u(), y = u();
         const BsdfSample sample = sample_bsdf(c.bsdf, w_prev, {x, y}, u());
@@ -116,7 +108,7 @@ TEST(Bsdf, directions_are_sampled_as_their_pdf_says) {
 TEST(Bsdf, a_samples_weight_is_value_over_pdf) {
   for (const Case& c : continuous_cases())
     for (const Float3 w_prev : directions_to(c.bsdf)) {
-      Uniform u;
+      test::Random u(7);
       int compared = 0;
       for (int i = 0; i < 3000; ++i) {
         const float x = u(), y = u();
@@ -137,7 +129,7 @@ TEST(Bsdf, the_mean_weight_is_the_integral_of_the_value) {
     if (c.bsdf.kind == BsdfKind::coated_diffuse && c.bsdf.alpha_x == 0) continue;  // its coat is a delta
     for (const Float3 w_prev : directions_to(c.bsdf)) {
       constexpr int kSamples = 200000;
-      Uniform u;
+      test::Random u(7);
       double sum = 0, squares = 0;
       for (int i = 0; i < kSamples; ++i) {
         const float x = u(), y = u();
@@ -153,7 +145,7 @@ TEST(Bsdf, the_mean_weight_is_the_integral_of_the_value) {
 
 TEST(Bsdf, reflection_is_reciprocal) {
   for (const Case& c : continuous_cases()) {
-    Uniform u;
+    test::Random u(7);
     for (int i = 0; i < 2000; ++i) {
       const Float3 a = direction(0.05f + 0.95f * u(), 6.28f * u()), b = direction(0.05f + 0.95f * u(), 6.28f * u());
       const Rgb ab = evaluate_bsdf(c.bsdf, a, b).f_cos, ba = evaluate_bsdf(c.bsdf, b, a).f_cos;
@@ -166,7 +158,7 @@ TEST(Bsdf, reflection_is_reciprocal) {
 TEST(Bsdf, refraction_is_reciprocal_up_to_the_squared_index) {
   for (const float alpha : {0.2f, 0.5f}) {
     const BsdfParams b = params(BsdfKind::dielectric, alpha, 0.7f * alpha);
-    Uniform u;
+    test::Random u(7);
     int compared = 0;
     for (int i = 0; i < 4000; ++i) {
       const Float3 above = direction(0.05f + 0.95f * u(), 6.28f * u()),
@@ -183,7 +175,7 @@ TEST(Bsdf, refraction_is_reciprocal_up_to_the_squared_index) {
 // ---- white furnaces: what a surface of no absorption returns of light of one from all around ----
 
 double returned(const BsdfParams& bsdf, Float3 w_prev, int samples = 100000) {
-  Uniform u;
+  test::Random u(7);
   double sum = 0;
   for (int i = 0; i < samples; ++i) {
     const float x = u(), y = u();
@@ -251,7 +243,7 @@ TEST(Bsdf, nothing_returns_more_than_it_gets) {
   for (Case& c : continuous_cases()) {
     c.bsdf.reflectance = {1, 1, 1}, c.bsdf.transmittance = {0, 0, 0};
     for (const Float3 w_prev : kFrom) {
-      Uniform u;
+      test::Random u(7);
       double sum = 0;
       constexpr int kSamples = 100000;
       for (int i = 0; i < kSamples; ++i) {
@@ -268,7 +260,7 @@ TEST(Bsdf, a_translucent_sheet_sends_each_share_to_its_side) {
   const BsdfParams b = params(BsdfKind::diffuse_transmission, 0, 0);
   for (const float side : {1.0f, -1.0f}) {
     const Float3 w_prev = direction(0.6f * side, 2);
-    Uniform u;
+    test::Random u(7);
     double back = 0, through = 0;
     constexpr int kSamples = 200000;
     for (int i = 0; i < kSamples; ++i) {
@@ -294,7 +286,7 @@ TEST(Bsdf, a_white_coated_surface_returns_everything) {
     b.eta = eta, b.coat_internal_reflectance = internal_diffuse_reflectance(eta);
     // Over all directions of arrival: the closed form is exact for the mean, since the base forgets where light came
     // from.
-    Uniform u;
+    test::Random u(7);
     double sum = 0;
     constexpr int kSamples = 400000;
     for (int i = 0; i < kSamples; ++i) {
@@ -308,7 +300,7 @@ TEST(Bsdf, a_white_coated_surface_returns_everything) {
 
 TEST(Bsdf, a_smooth_dielectric_splits_light_as_fresnel_says) {
   const BsdfParams b = params(BsdfKind::dielectric, 0, 0);
-  Uniform u;
+  test::Random u(7);
   int reflected = 0;
   constexpr int kSamples = 100000;
   for (int i = 0; i < kSamples; ++i) {

@@ -3,21 +3,13 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <random>
 #include <vector>
 
 #include "tests/support/chi_square.h"
+#include "tests/support/random.h"
 
 namespace spillway::shading {
 namespace {
-
-class Uniform {
- public:
-  float operator()() { return static_cast<float>(engine_() >> 40) * 0x1p-24f; }
-
- private:
-  std::mt19937_64 engine_{11};
-};
 
 Camera camera(bool orthographic, float lens_radius) {
   Camera c;
@@ -48,7 +40,7 @@ TEST(Camera, a_lens_is_sharp_at_its_focal_distance_alone) {
   for (const bool orthographic : {false, true}) {
     const Camera c = camera(orthographic, 0.25f);
     const Camera sharp = camera(orthographic, 0);
-    Uniform u;
+    test::Random u(11);
     double squares = 0;
     constexpr int kSamples = 20000;
     for (int i = 0; i < kSamples; ++i) {
@@ -74,7 +66,7 @@ TEST(Camera, points_of_the_lens_are_uniform) {
   const Camera c = camera(false, 0.25f);
   const Float3 middle = camera_ray(camera(false, 0), {100, 50}, {0.5f, 0.5f}).origin_world;
   std::vector<double> seen(kRings * kSectors);
-  Uniform u;
+  test::Random u(11);
   for (int i = 0; i < kSamples; ++i) {
     const float x = u();
     const Float3 off = (camera_ray(c, {100, 50}, {x, u()}).origin_world - middle) * 4;  // on the unit disk
@@ -102,7 +94,7 @@ const Filter kFilters[] = {filter(FilterKind::box, 0.5f), filter(FilterKind::tri
 TEST(Filter, weights_have_mean_one_and_samples_are_centred) {
   for (const Filter& f : kFilters) {
     const FilterSampler sampler(f);
-    Uniform u;
+    test::Random u(11);
     double weight = 0, moment[2] = {}, squares = 0;
     constexpr int kSamples = 400000;
     for (int i = 0; i < kSamples; ++i) {
@@ -125,7 +117,7 @@ TEST(Filter, samples_follow_the_filter_with_its_sign) {
     const FilterSampler sampler(f);
     constexpr int kParts = 16, kSamples = 400000;
     double got[kParts] = {}, wanted[kParts] = {}, sum = 0;
-    Uniform u;
+    test::Random u(11);
     for (int i = 0; i < kSamples; ++i) {
       const FilterSample s = sampler.sample({u(), u()});
       got[std::min(kParts - 1, static_cast<int>((s.offset_px.x / f.radius_px.x + 1) / 2 * kParts))] +=

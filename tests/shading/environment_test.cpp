@@ -3,22 +3,14 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <random>
 #include <vector>
 
 #include "shading/light.h"
 #include "shading/trigonometry.h"
+#include "tests/support/random.h"
 
 namespace spillway::shading {
 namespace {
-
-class Uniform {
- public:
-  float operator()() { return static_cast<float>(engine_() >> 40) * 0x1p-24f; }
-
- private:
-  std::mt19937_64 engine_{5};
-};
 
 // A map with dark and bright texels, an empty row, and one very bright texel.
 struct TestMap {
@@ -44,7 +36,7 @@ TEST(Environment, the_arc_tangent_is_one) {
 }
 
 TEST(Environment, square_and_sphere_are_inverse_to_each_other) {
-  Uniform u;
+  test::Random u(5);
   for (int i = 0; i < 20000; ++i) {
     const Float2 square{u(), u()};
     const Float3 w = equal_area_direction(square);
@@ -82,7 +74,7 @@ TEST(Environment, the_map_keeps_areas) {
 TEST(Environment, texels_are_sampled_as_their_pdf_says_and_by_their_light) {
   const TestMap test(16);
   std::vector<double> seen(256);
-  Uniform u;
+  test::Random u(5);
   constexpr int kSamples = 1000000;
   double energy = 0;
   for (int i = 0; i < kSamples; ++i) {
@@ -133,7 +125,7 @@ TEST(Environment, an_image_in_the_light_table_is_turned_and_weighed) {
   LightTable table;
   table.lights = lights, table.cdf = cdf, table.first_infinite = 0, table.environment = test.map;
   EXPECT_EQ(infinite_radiance(table, {0, 0, 0}, {1, 0, 0}).r, 0.1f + 2 * environment_radiance(test.map, {0, 0, 1}).r);
-  Uniform u;
+  test::Random u(5);
   double sum = 0;
   constexpr int kSamples = 400000;
   for (int i = 0; i < kSamples; ++i) {

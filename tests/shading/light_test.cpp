@@ -3,25 +3,13 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <random>
 #include <vector>
 
 #include "shading/frame.h"
+#include "tests/support/random.h"
 
 namespace spillway::shading {
 namespace {
-
-class Uniform {
- public:
-  float operator()() { return static_cast<float>(engine_() >> 40) * 0x1p-24f; }
-  Float3 point(float size) {
-    const float x = (*this)(), y = (*this)();
-    return Float3{2 * x - 1, 2 * y - 1, 2 * (*this)() - 1} * size;
-  }
-
- private:
-  std::mt19937_64 engine_{3};
-};
 
 struct Triangle {
   TriangleShape shape;
@@ -67,7 +55,7 @@ Lights three_triangles() {
 TEST(Light, the_density_of_a_chance_hit_is_that_of_sampling_bit_for_bit) {
   const Lights lights = three_triangles();
   const LightTable table = lights.table();
-  Uniform u;
+  test::Random u(3);
   int compared = 0;
   for (int i = 0; i < 20000; ++i) {
     const Float3 receiver = u.point(4);
@@ -84,7 +72,7 @@ TEST(Light, the_density_of_a_chance_hit_is_that_of_sampling_bit_for_bit) {
 
 TEST(Light, lights_are_chosen_as_often_as_their_pmf_says) {
   const Lights lights = three_triangles();
-  Uniform u;
+  test::Random u(3);
   int seen[3] = {};
   constexpr int kSamples = 100000;
   for (int i = 0; i < kSamples; ++i) {
@@ -101,7 +89,7 @@ TEST(Light, lights_are_chosen_as_often_as_their_pmf_says) {
 TEST(Light, the_irradiance_of_a_square_lamp_is_the_published_one) {
   const Lights lamp{{triangle({-1, -1, 2}, {2, 0, 0}, {2, 2, 0}, {1, 1, 1}), triangle({-1, -1, 2}, {2, 2, 0}, {0, 2, 0}, {1, 1, 1})},
                     {0, 0.5f, 1}};
-  Uniform u;
+  test::Random u(3);
   double sum = 0, squares = 0;
   constexpr int kSamples = 400000;
   for (int i = 0; i < kSamples; ++i) {
@@ -122,7 +110,7 @@ TEST(Light, a_sky_is_seen_alike_from_everywhere) {
   Light sky{};
   sky.kind = LightKind::infinite, sky.radiance = {2, 2, 2};
   const Lights lights(sky);
-  Uniform u;
+  test::Random u(3);
   double up = 0;
   constexpr int kSamples = 100000;
   for (int i = 0; i < kSamples; ++i) {
@@ -170,7 +158,7 @@ TEST(Light, without_lights_nothing_is_sampled) {
 }
 
 TEST(Light, weights_of_two_strategies_sum_to_one) {
-  Uniform u;
+  test::Random u(3);
   for (int i = 0; i < 1000; ++i) {
     const float a = u() * 10, b = u() * 10;
     EXPECT_NEAR(power_heuristic(a, b) + power_heuristic(b, a), 1, 1e-6);
@@ -183,7 +171,7 @@ TEST(Light, scaling_the_scene_scales_densities_alone) {
     Lights small = three_triangles(), large = three_triangles();
     for (Emitter& e : large.emitters)
       e.shape = {e.shape.position * scale, e.shape.edge1 * scale, e.shape.edge2 * scale};
-    Uniform u;
+    test::Random u(3);
     for (int i = 0; i < 1000; ++i) {
       const Float3 receiver = u.point(2);
       const float select = u(), x = u(), y = u();

@@ -3,25 +3,17 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <random>
 #include <vector>
 
 #include "shading/light.h"
 #include "tests/support/chi_square.h"
+#include "tests/support/random.h"
 
 namespace spillway::shading {
 namespace {
 
 // A skylight of two by two, two above the origin: it looks up.
 const Portal kSkylight{{-1, -1, 2}, {2, 0, 0}, {0, 2, 0}, 0};
-
-class Uniform {
- public:
-  float operator()() { return static_cast<float>(engine_() >> 40) * 0x1p-24f; }
-
- private:
-  std::mt19937_64 engine_{17};
-};
 
 TEST(Portal, is_looked_through_from_below_and_inside_its_edges_alone) {
   EXPECT_TRUE(looks_through(kSkylight, {0, 0, 0}, {0, 0, 1}));
@@ -40,7 +32,7 @@ TEST(Portal, points_are_uniform_and_have_the_density_that_is_said) {
   constexpr int kCells = 12, kSamples = 200000;
   const Float3 from{0.4f, -0.2f, 0.5f};
   std::vector<double> seen(kCells * kCells);
-  Uniform u;
+  test::Random u(17);
   double solid_angle = 0;
   for (int i = 0; i < kSamples; ++i) {
     const float x = u();
@@ -92,7 +84,7 @@ TEST(Portal, hides_its_light_beside_it_and_no_other) {
 // Sampling by itself, chance by itself, and both together: the irradiance that is known in closed form.
 TEST(Portal, every_strategy_brings_the_same_light) {
   const Skies skies;
-  Uniform u;
+  test::Random u(17);
   constexpr int kSamples = 400000;
   double sampled = 0, met = 0, both = 0;
   for (int i = 0; i < kSamples; ++i) {
@@ -124,7 +116,7 @@ TEST(InfiniteLight, directions_of_an_even_sky_are_uniform) {
   skies.portals.clear();
   constexpr int kRows = 12, kColumns = 16, kSamples = 400000;
   std::vector<double> seen(kRows * kColumns);
-  Uniform u;
+  test::Random u(17);
   for (int i = 0; i < kSamples; ++i) {
     const float select = u(), x = u();
     const Float3 w = sample_light(skies.table(), {{0, 0, 0}, 0}, {select, 0.5f}, {x, u()}).w_next_world;

@@ -3,23 +3,12 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <random>
 #include <vector>
+
+#include "tests/support/random.h"
 
 namespace spillway::shading {
 namespace {
-
-class Uniform {
- public:
-  float operator()() { return static_cast<float>(engine_() >> 40) * 0x1p-24f; }
-  Float3 point(float size) {
-    const float x = (*this)(), y = (*this)();
-    return Float3{2 * x - 1, 2 * y - 1, 2 * (*this)() - 1} * size;
-  }
-
- private:
-  std::mt19937_64 engine_{7};
-};
 
 struct Double3 {
   double x, y, z;
@@ -87,7 +76,7 @@ const Case kNear[] = {
 };
 
 TEST(SampleTriangle, near_triangles_are_sampled_evenly_over_their_solid_angle) {
-  Uniform u;
+  test::Random u(7);
   for (const Case& c : kNear) {
     const double expected_angle = solid_angle(c.triangle, c.receiver);
     ASSERT_NEAR(sampled_solid_angle(c.triangle, c.receiver) / expected_angle, 1, 2e-5);
@@ -118,7 +107,7 @@ TEST(SampleTriangle, far_ones_are_sampled_evenly_over_their_area) {
   const TriangleShape t{{0, 0, 0}, {1, 0, 0}, {0, 1, 0}};
   const Float3 receiver{3, 2, 12};
   EXPECT_EQ(sampled_solid_angle(t, receiver), 0);
-  Uniform u;
+  test::Random u(7);
   double sum = 0;
   Float3 mean{0, 0, 0};
   constexpr int kSamples = 100000;
@@ -139,7 +128,7 @@ TEST(SampleTriangle, degenerate_receivers_get_finite_numbers) {
       line{{0, 0, 0}, {1, 0, 0}, {2, 0, 0}}, tiny{{1e-20f, 0, 0}, {1e-20f, 0, 0}, {0, 1e-20f, 0}};
   const Float3 receivers[] = {{0, 0, 0},    {1, 0, 0}, {0.3f, 0.3f, 0}, {0.5f, 0, 0}, {5, 5, 0}, {0.3f, 0.3f, 1e-30f},
                               {1e18f, 0, 1}};
-  Uniform u;
+  test::Random u(7);
   for (const TriangleShape& shape : {t, point, line, tiny})
     for (const Float3 receiver : receivers)
       for (int i = 0; i < 100; ++i) {

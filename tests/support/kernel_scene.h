@@ -2,12 +2,12 @@
 
 // Triangles in pages and a tree over them, all in memory, for tests and benchmarks of the kernel alone.
 
-#include <random>
 #include <vector>
 
 #include "cache/trace_kernel.h"
 #include "pipeline/pack/build_trees.h"
 #include "pipeline/pack/pack_page_tree.h"
+#include "tests/support/random.h"
 
 namespace spillway::test {
 
@@ -53,20 +53,6 @@ class KernelScene {
 };
 
 inline cache::TraceRay ray_from_to(Float3 from, Float3 to) { return {from, INFINITY, to - from, 0}; }
-
-class Random {
- public:
-  explicit Random(uint64_t seed) : engine_(seed) {}
-  uint32_t below(uint32_t n) { return static_cast<uint32_t>(engine_() % n); }
-  float in(float lower, float upper) { return lower + (upper - lower) * static_cast<float>(engine_() >> 40) * 0x1p-24f; }
-  Float3 point(float size) {
-    const float x = in(-size, size), y = in(-size, size);
-    return {x, y, in(-size, size)};
-  }
-
- private:
-  std::mt19937_64 engine_;
-};
 
 // Three walls of cells x cells quads, two triangles each, that meet in a corner: axis-aligned, so that their boxes have
 // no thickness, `distance` away from where the rays start. Cut into pages by rows.

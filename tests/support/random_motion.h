@@ -5,7 +5,7 @@
 #include <cmath>
 
 #include "cache/base/motion.h"
-#include "tests/support/kernel_scene.h"
+#include "tests/support/random.h"
 
 namespace spillway::test {
 

@@ -1,8 +1,8 @@
 // A small city at night, rendered: the same bits as the depth-first reference, whatever fits in memory.
 
 #include <gtest/gtest.h>
-#include <tbb/task_arena.h>
 
+#include "cache/base/parallel.h"
 #include "pipeline/pack/scene_packer.h"
 #include "pipeline/render/render_image.h"
 #include "tests/support/reference_integrator.h"
@@ -47,8 +47,7 @@ class CityRender : public testing::Test {
     return o;
   }
   static RenderedImage render(const RenderOptions& o, int threads) {
-    tbb::task_arena arena(threads);
-    Result<RenderedImage> image = arena.execute([&] { return render_image(*store_, o); });
+    Result<RenderedImage> image = on_threads(threads, [&] { return render_image(*store_, o); });
     EXPECT_TRUE(image) << image.error().message;
     return image ? std::move(*image) : RenderedImage{};
   }
