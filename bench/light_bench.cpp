@@ -90,6 +90,7 @@ Moments enumerate(const shading::LightTable& lights, const test::Tracer& tracer,
     Float3 point{0, 0, 0};
   };
   std::vector<Sampled> sampled;
+  const shading::LightChances chances(lights.tree, receiver);
   double whole = 0;
   for (const auto& [instance, emitter] : standing) {
     const shading::TriangleShape shape = shading::emitter_in_world(lights, instance, emitter);
@@ -108,7 +109,7 @@ Moments enumerate(const shading::LightTable& lights, const test::Tracer& tracer,
     s.value = value_at({x, random.unit()}, s.point);
     if (s.value == 0 && s.unshadowed == 0) continue;
     s.unshadowed = std::max(s.unshadowed, 1e-3 * s.value);
-    s.pmf = shading::emitter_pmf(lights.tree, receiver, instance, emitter);
+    s.pmf = chances.of_emitter(instance, emitter);
     whole += s.unshadowed;
     sampled.push_back(s);
   }
