@@ -3,6 +3,7 @@
 // The sub-commands of the program. Each declares its options on `app`; what it returns is the exit code.
 
 #include <CLI/CLI.hpp>
+#include <string>
 
 namespace spillway::tools {
 
@@ -24,6 +25,9 @@ void add_city_command(CLI::App& app, int& exit_code);
 void add_info_command(CLI::App& app, int& exit_code);
 void add_compare_command(CLI::App& app, int& exit_code);
 void add_convert_command(CLI::App& app, int& exit_code);
+
+// A finite number above 0: CLI::PositiveNumber takes nan.
+[[nodiscard]] CLI::Validator positive();
 
 // `spillway: message` on stderr; returns the code.
 int fail(const std::string& message, int code = kExitFailed);

@@ -33,7 +33,7 @@ void add_convert_command(CLI::App& app, int& exit_code) {
   command->add_option("to", arguments->to, "What to write: its name says the kind")->required();
   command->add_option("--encoding", arguments->encoding, "Of the integers of a .ptx file: linear, sRGB, gamma")
       ->check(CLI::IsMember({"linear", "sRGB", "gamma"}));
-  command->add_option("--gamma", arguments->gamma, "With --encoding gamma")->check(CLI::PositiveNumber);
+  command->add_option("--gamma", arguments->gamma, "With --encoding gamma")->check(positive());
   command->add_option("--compression", arguments->compression, "Of a .facetex file: lz4, zstd (smaller), none")
       ->check(CLI::IsMember({"lz4", "zstd", "none"}));
   command->callback([arguments, &exit_code] { exit_code = run(*arguments); });

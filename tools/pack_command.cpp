@@ -14,9 +14,7 @@ struct PackArguments {
 };
 
 Status pack(PackArguments& arguments) {
-  if (!arguments.memory.empty()) {
-    SPILLWAY_ASSIGN(arguments.scene.memory_bytes, parse_bytes(arguments.memory));
-  }
+  SPILLWAY_TRY(read_bytes(arguments.memory, arguments.scene.memory_bytes));
   SPILLWAY_ASSIGN(const pipeline::PackReport report, pack_scene(arguments.scene));
   if (!arguments.scene.quiet) fmt::print(stderr, "{}", report_table(report));
   return arguments.report.empty() ? Status{} : write_text(arguments.report, report_json(report));
@@ -32,7 +30,7 @@ void add_pack_command(CLI::App& app, int& exit_code) {
   command->add_option("--memory", arguments->memory, "limit for packing, such as 2GiB");
   command->add_option("--report", arguments->report, "write what each step cost as JSON");
   command->add_option("--edge-length-px", arguments->scene.edge_length_px, "longest edge of diced surfaces on the picture [4]")
-      ->check(CLI::PositiveNumber);
+      ->check(positive());
   command->add_option("--dice-cache", arguments->scene.dice_cache, "directory that keeps diced surfaces for the next packing [none]");
   command->add_flag("--lenient", arguments->scene.lenient, "warn about what can be ignored instead of refusing");
   command->add_flag("-q,--quiet", arguments->scene.quiet, "errors only");

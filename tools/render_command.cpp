@@ -2,8 +2,8 @@
 #include <unistd.h>
 
 #include <csignal>
-#include <fstream>
 #include <map>
+#include <optional>
 
 #include "cache/base/parallel.h"
 #include "cache/trace_log.h"
@@ -23,7 +23,7 @@ using namespace pipeline;
 std::atomic<bool> stop_requested{false};
 extern "C" void request_stop(int) { stop_requested = true; }
 
-// What the command line said, still as text.
+// What the command line said: texts, and from read_texts on what they mean.
 struct RenderArguments {
   OpenSceneOptions scene;
   std::string output, frames, memory, resolution, crop, report, trace, scratch, scratch_limit, spill = "auto";
@@ -37,11 +37,31 @@ struct RenderArguments {
   bool no_read_ahead = false, no_resident_first = false, no_top_up = false;
   uint32_t hit_batch = 0;
   std::string access_log;
+  RenderOptions options;  // the sizes
+  std::optional<Resolution> resolution_px;
+  std::optional<Crop> crop_px;
+  std::vector<uint32_t> frame_list;
 };
 
-Status set_bytes(const std::string& text, uint64_t& bytes) {
-  if (text.empty()) return {};
-  SPILLWAY_ASSIGN(bytes, parse_bytes(text));
+// Before anything is packed or opened: a slip of the hand costs seconds, not hours.
+Status read_texts(RenderArguments& a) {
+  SPILLWAY_TRY(read_bytes(a.memory, a.options.plan.memory_bytes));
+  a.scene.memory_bytes = a.options.plan.memory_bytes;
+  SPILLWAY_TRY(read_bytes(a.page_share, a.options.plan.page_bytes));
+  SPILLWAY_TRY(read_bytes(a.attribute_share, a.options.plan.attribute_bytes));
+  SPILLWAY_TRY(read_bytes(a.texture_share, a.options.plan.texture_bytes));
+  SPILLWAY_TRY(read_bytes(a.hit_sort, a.options.hit_sort_bytes));
+  SPILLWAY_TRY(read_bytes(a.scratch_limit, a.options.scratch_limit_bytes));
+  if (!a.resolution.empty()) {
+    SPILLWAY_ASSIGN(a.resolution_px, parse_resolution(a.resolution));
+  }
+  if (!a.crop.empty()) {
+    SPILLWAY_ASSIGN(a.crop_px, parse_crop(a.crop));
+  }
+  if (a.frames.empty()) return {};
+  SPILLWAY_ASSIGN(a.frame_list, parse_frames(a.frames));
+  if (a.frame_list.size() > 1) SPILLWAY_TRY(frame_path(a.output, 0));
+  if (!a.access_log.empty()) return error("--access-log is of one frame; leave --frames out");
   return {};
 }
 
@@ -62,12 +82,9 @@ Status override_settings(const RenderArguments& arguments, SceneSettings& settin
   if (arguments.has_seed) settings.render.seed = arguments.seed;
   if (arguments.independent) settings.render.sampler = shading::SamplerKind::independent;
   if (arguments.light_selection >= 0) settings.render.light_selection = static_cast<LightSelection>(arguments.light_selection);
-  if (!arguments.resolution.empty()) {
-    SPILLWAY_ASSIGN(const Resolution r, parse_resolution(arguments.resolution));
-    set_resolution(settings, r);
-  }
-  if (!arguments.crop.empty()) {
-    SPILLWAY_ASSIGN(const Crop c, parse_crop(arguments.crop));
+  if (arguments.resolution_px) set_resolution(settings, *arguments.resolution_px);
+  if (arguments.crop_px) {
+    const Crop& c = *arguments.crop_px;
     if (c.x1 > settings.camera.resolution_x_px || c.y1 > settings.camera.resolution_y_px)
       return error("--crop {}: the frame has {} x {} pixels", arguments.crop, settings.camera.resolution_x_px,
                    settings.camera.resolution_y_px);
@@ -77,16 +94,10 @@ Status override_settings(const RenderArguments& arguments, SceneSettings& settin
 }
 
 Result<RenderOptions> render_options(const RenderArguments& arguments, const Store& store) {
-  RenderOptions options;
+  RenderOptions options = arguments.options;
   options.settings = store.settings();
   SPILLWAY_TRY(override_settings(arguments, options.settings));
   options.aov_layers = arguments.aovs;
-  SPILLWAY_TRY(set_bytes(arguments.memory, options.plan.memory_bytes));
-  SPILLWAY_TRY(set_bytes(arguments.page_share, options.plan.page_bytes));
-  SPILLWAY_TRY(set_bytes(arguments.attribute_share, options.plan.attribute_bytes));
-  SPILLWAY_TRY(set_bytes(arguments.texture_share, options.plan.texture_bytes));
-  SPILLWAY_TRY(set_bytes(arguments.hit_sort, options.hit_sort_bytes));
-  SPILLWAY_TRY(set_bytes(arguments.scratch_limit, options.scratch_limit_bytes));
   options.plan.wave_paths = arguments.wave_paths;
   options.plan.spill = arguments.spill == "always" ? 1 : arguments.spill == "never" ? 0 : -1;
   options.sort_rays = !arguments.no_sort_rays;
@@ -156,7 +167,7 @@ Status check_output(const std::filesystem::path& output) {
 // The frames of --frames, one after the other.
 Result<int> render_all_frames(const RenderArguments& arguments, const Store& store, RenderOptions options) {
   FrameBatch batch;
-  SPILLWAY_ASSIGN(batch.frames, parse_frames(arguments.frames));
+  batch.frames = arguments.frame_list;
   batch.output = arguments.output, batch.report = arguments.report;
   batch.json = arguments.json, batch.quiet = arguments.scene.quiet;
   batch.settings_of = [&](const FrameCamera& frame) -> Result<SceneSettings> {
@@ -172,7 +183,12 @@ Result<int> render_all_frames(const RenderArguments& arguments, const Store& sto
   return render_frames(store, std::move(options), batch);
 }
 
-Result<int> render(const RenderArguments& arguments) {
+Status write_trace(const RenderArguments& arguments) {
+  return arguments.trace.empty() ? Status{} : cache::trace_log_write(arguments.trace);
+}
+
+Result<int> render(RenderArguments& arguments) {
+  SPILLWAY_TRY(read_texts(arguments));
   SPILLWAY_TRY(check_output(arguments.output));
   SPILLWAY_ASSIGN(const Store store, open_scene(arguments.scene));
   if (!arguments.trace.empty()) cache::trace_log_start();
@@ -183,13 +199,15 @@ Result<int> render(const RenderArguments& arguments) {
   options.on_progress = [&](const RenderProgress& p) { progress.show(p); };
   AccessLog access_log;
   if (!arguments.access_log.empty()) options.access_log = &access_log;
-  if (options.access_log && !arguments.frames.empty())
-    return error("--access-log is of one frame; leave --frames out");
-  if (!arguments.frames.empty()) return render_all_frames(arguments, store, std::move(options));
+  if (!arguments.frames.empty()) {
+    SPILLWAY_ASSIGN(const int code, render_all_frames(arguments, store, std::move(options)));
+    SPILLWAY_TRY(write_trace(arguments));
+    return code;
+  }
   SPILLWAY_ASSIGN(const RenderedImage image, render_image(store, options));
   progress.end();
   SPILLWAY_TRY(write_picture(arguments, store, options, image, arguments.output));
-  if (!arguments.trace.empty()) SPILLWAY_TRY(cache::trace_log_write(arguments.trace));
+  SPILLWAY_TRY(write_trace(arguments));
   if (options.access_log) SPILLWAY_TRY(access_log.write(arguments.access_log));
   const std::string json = report_json(image.report, store.directory().string());
   if (!arguments.report.empty()) SPILLWAY_TRY(write_text(arguments.report, json));
@@ -211,7 +229,7 @@ Result<int> render(const RenderArguments& arguments) {
   return kExitOk;
 }
 
-int run(const RenderArguments& arguments) {
+int run(RenderArguments& arguments) {
   const int threads = arguments.threads ? static_cast<int>(arguments.threads) : tbb::this_task_arena::max_concurrency();
   const Result<int> code = on_threads(threads, [&] { return render(arguments); });
   return code ? *code : fail(code.error().message);
@@ -222,7 +240,7 @@ void add_scene_options(CLI::App& command, OpenSceneOptions& scene, std::string& 
   command.add_option("--store", scene.store_directory, "where to pack a .pbrt scene [beside it, or here]");
   command.add_option("--memory", memory, "limit of the whole process, such as 2GiB [none]");
   command.add_option("--edge-length-px", scene.edge_length_px, "longest edge of diced surfaces on the picture, when packing [4]")
-      ->check(CLI::PositiveNumber);
+      ->check(positive());
   command.add_option("--dice-cache", scene.dice_cache, "directory that keeps diced surfaces for the next packing [none]");
   command.add_flag("--lenient", scene.lenient, "warn about what can be ignored instead of refusing");
   command.add_flag("--repack", scene.repack, "pack even when the store is current");
@@ -276,7 +294,8 @@ void add_render_command(CLI::App& app, int& exit_code) {
   command->add_option("--frames", a.frames, "frames of the scene's camera path, such as 1-48, 1-48x2 or 3,7; finished ones are skipped");
   command->add_flag("--half-buffers", a.halves, "write the two independent halves of the samples too");
   add_performance(*command, a);
-  command->add_option("--time-limit", a.time_limit, "seconds; stops at the next whole epoch, equal to --spp k");
+  command->add_option("--time-limit", a.time_limit, "seconds; stops at the next whole epoch, equal to --spp k")
+      ->check(positive());
   command->add_option("--report", a.report, "write what the render did as JSON");
   command->add_option("--access-log", a.access_log, "write which pages each wave needed and read, for `whatif`");
   command->add_option("--trace", a.trace, "write stages, waves and reads in Chrome's trace format");
@@ -286,7 +305,8 @@ void add_render_command(CLI::App& app, int& exit_code) {
 
 namespace {
 
-Status print_plan(const RenderArguments& arguments) {
+Status print_plan(RenderArguments& arguments) {
+  SPILLWAY_TRY(read_texts(arguments));
   SPILLWAY_ASSIGN(const Store store, open_scene(arguments.scene));
   SPILLWAY_ASSIGN(const RenderOptions options, render_options(arguments, store));
   PlanOptions plan_options = options.plan;

@@ -167,6 +167,38 @@ TEST_F(ProgramTest, a_command_line_that_makes_no_sense_ends_with_two) {
   EXPECT_EQ(spillway("--help").code, 0);
 }
 
+TEST_F(ProgramTest, options_are_refused_before_anything_is_packed) {
+  write("scene.pbrt", std::string(kScene));
+  const auto refused = [&](const std::string& options, const char* said) {
+    const Ended ended = spillway("render scene.pbrt -o out.exr -q " + options);
+    EXPECT_EQ(ended.code, 3) << options << ended.said;
+    EXPECT_NE(ended.said.find(said), std::string::npos) << options << ended.said;
+    EXPECT_FALSE(exists("scene.store")) << options;
+  };
+  refused("--resolution 12y7", "resolution");
+  refused("--crop 4,4,2,2", "crop");
+  refused("--memory rubbish", "size");
+  refused("--page-share 1KB", "size");
+  refused("--scratch-limit -1", "size");
+  refused("--frames 3-1", "--frames 3-1");
+  refused("--frames 1-3", "run of #");
+  refused("--frames 1 --access-log a", "--access-log");
+  for (const char* limit : {"-5", "nan", "0", "inf"})
+    EXPECT_EQ(spillway(std::string("render scene.pbrt -o out.exr --time-limit ") + limit).code, 2) << limit;
+  EXPECT_EQ(spillway("pack scene.pbrt --edge-length-px nan").code, 2);
+  EXPECT_EQ(spillway("plan scene.pbrt --memory rubbish").code, 3);
+  EXPECT_FALSE(exists("scene.store"));
+}
+
+TEST_F(ProgramTest, a_budget_binds_packing_before_it_binds_rendering) {
+  for (const char* command : {"render " , "plan "}) {
+    const Ended refused = spillway(command + courtyard_ + " --store c.store --memory 100MiB" +
+                                   (command[0] == 'r' ? " -o out.exr" : ""));
+    expect_refused(refused, {"--memory 100", "packing needs"});
+    EXPECT_FALSE(exists("c.store/manifest.spw"));
+  }
+}
+
 TEST_F(ProgramTest, scenes_that_are_wrong_are_refused_at_their_place) {
   expect_refused(spillway("render missing.pbrt -o out.exr"), {"missing.pbrt"});
   expect_refused(render("Shape \"trianglemesh\" \"point3 P\" [0 0 0"), {"scene.pbrt:8:"});

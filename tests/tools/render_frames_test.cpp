@@ -94,6 +94,11 @@ TEST_F(RenderFramesTest, finished_frames_are_known_by_what_they_were_made_from) 
   EXPECT_EQ(ends("--frames 2-3 -o f.###.exr -q"), "rendered rendered");
 }
 
+TEST_F(RenderFramesTest, a_timeline_is_of_all_frames) {
+  EXPECT_EQ(ends("--frames 1-2 -o f.###.exr -q --trace t.json"), "rendered rendered");
+  EXPECT_GT(read("t.json")["traceEvents"].size(), 20u);
+}
+
 TEST_F(RenderFramesTest, one_failure_does_not_end_the_batch) {
   fs::create_directory(folder_ / "f.002.exr");
   EXPECT_EQ(ends("--frames 1-4 -o f.###.exr", 3), "rendered failed rendered rendered");
