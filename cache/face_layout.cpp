@@ -119,6 +119,8 @@ uint32_t first_inconsistent_edge(std::span<const FaceInfo> faces, FaceShape shap
     if (faces[to.face].adjacent_faces[to.edge] == face && faces[to.face].adjacent_edge(to.edge) == edge) continue;
     // The second subface of a whole face's edge: the first leads to it.
     if (!from.is_subface() || to.part != 1) return edge;
+    const uint32_t first_half = faces[to.face].adjacent_faces[to.edge];
+    if (first_half != kNoFace && first_half >= faces.size()) return edge;
     const Neighbour back = neighbour_across(faces, to.face, to.edge, false);
     if (!back.exists() || back.face >= faces.size() || back.part != 0) return edge;
     if (faces[back.face].adjacent_faces[(back.edge + 3) % 4] != face) return edge;

@@ -212,8 +212,9 @@ bool Gather::triangle_beyond(uint32_t face, uint32_t log2, FacePlace place, floa
 
 bool look_up_face(TileThread& thread, const FaceTexture& texture, const FaceTextureRequest& request, float* sum) {
   const FaceInfo& face = texture.faces[request.face];
-  const float u = unit(request.u), v = unit(request.v);
+  float u = unit(request.u), v = unit(request.v);
   const bool is_quad = texture.texture->shape == FaceShape::quad;
+  if (!is_quad && u + v > 1) u /= u + v, v = 1 - u;  // beyond the diagonal of a triangle there is nothing
   Levels levels = levels_of(face, request);
   if (face.flags & kFaceNeighbourhoodIsConstant) levels.blend = 0;
   for (int k = 0; k < (levels.blend > 0 ? 2 : 1); ++k) {

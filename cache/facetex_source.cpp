@@ -12,7 +12,7 @@ namespace {
 // Sources by path: an ImageInput knows nothing but a name.
 struct Registry {
   std::mutex mutex;
-  std::map<std::string, const FaceTexSource*> sources;
+  std::map<std::string, std::weak_ptr<const FaceTexSource>> sources;
 };
 Registry& registry() {
   static Registry* const made = new Registry;  // outlives every input
@@ -33,6 +33,13 @@ OIIO::TypeDesc type_of(FaceTexelType type) {
   return OIIO::TypeFloat;
 }
 
+std::shared_ptr<const FaceTexSource> known_source(const std::string& name) {
+  Registry& known = registry();
+  const std::lock_guard lock(known.mutex);
+  const auto found = known.sources.find(name);
+  return found == known.sources.end() ? nullptr : found->second.lock();
+}
+
 class FaceTexInput final : public OIIO::ImageInput {
  public:
   const char* format_name() const override { return "facetex"; }
@@ -40,17 +47,11 @@ class FaceTexInput final : public OIIO::ImageInput {
   bool valid_file(const std::string& name) const override { return FaceTexFile::is_face_tex(name); }
 
   bool open(const std::string& name, OIIO::ImageSpec& spec) override {
-    {
-      Registry& known = registry();
-      const std::lock_guard lock(known.mutex);
-      const auto found = known.sources.find(name);
-      source_ = found == known.sources.end() ? nullptr : found->second;
-    }
+    source_ = known_source(name);
     if (source_ == nullptr) {
       auto opened = FaceTexSource::open(name, {});
       if (!opened) return tell(opened.error());
-      own_ = std::move(*opened);
-      source_ = own_.get();
+      source_ = std::move(*opened);
     }
     if (source_->file().images().empty()) return tell(spillway::error("{}: has no textures", name));
     seek_subimage(0, 0);
@@ -58,8 +59,7 @@ class FaceTexInput final : public OIIO::ImageInput {
     return true;
   }
   bool close() override {
-    own_.reset();
-    source_ = nullptr;
+    source_.reset();
     return true;
   }
   int current_subimage() const override { return subimage_; }
@@ -117,8 +117,7 @@ class FaceTexInput final : public OIIO::ImageInput {
     return spec;
   }
 
-  const FaceTexSource* source_ = nullptr;
-  std::unique_ptr<FaceTexSource> own_;
+  std::shared_ptr<const FaceTexSource> source_;
   int subimage_ = 0;
 };
 
@@ -129,13 +128,15 @@ ReadTally& thread_read_tally() {
   return tally;
 }
 
-Result<std::unique_ptr<FaceTexSource>> FaceTexSource::open(const std::filesystem::path& path,
+Result<std::shared_ptr<FaceTexSource>> FaceTexSource::open(const std::filesystem::path& path,
                                                            FaceTexFile::Options options) {
   SPILLWAY_ASSIGN(FaceTexFile file, FaceTexFile::open(path, options));
-  std::unique_ptr<FaceTexSource> source(new FaceTexSource(std::move(file)));
+  std::shared_ptr<FaceTexSource> source(new FaceTexSource(std::move(file)));
   Registry& known = registry();
   const std::lock_guard lock(known.mutex);
-  known.sources.try_emplace(path.string(), source.get());
+  // The first that is alive is the one that inputs find; its destructor may still be waiting for the lock.
+  std::weak_ptr<const FaceTexSource>& first = known.sources[path.string()];
+  if (first.expired()) first = source;
   return source;
 }
 
@@ -143,7 +144,7 @@ FaceTexSource::~FaceTexSource() {
   Registry& known = registry();
   const std::lock_guard lock(known.mutex);
   const auto found = known.sources.find(file_.path().string());
-  if (found != known.sources.end() && found->second == this) known.sources.erase(found);
+  if (found != known.sources.end() && found->second.expired()) known.sources.erase(found);
 }
 
 Status FaceTexSource::read_tile(uint64_t number, std::span<std::byte> out) const {

@@ -27,7 +27,7 @@ class FaceTexSource {
  public:
   static constexpr uint64_t kRunBytes = 256 << 10;  // of one read: below, direct reads wait rather than move
 
-  static Result<std::unique_ptr<FaceTexSource>> open(const std::filesystem::path& path, FaceTexFile::Options options);
+  static Result<std::shared_ptr<FaceTexSource>> open(const std::filesystem::path& path, FaceTexFile::Options options);
   ~FaceTexSource();
   FaceTexSource(const FaceTexSource&) = delete;
   FaceTexSource& operator=(const FaceTexSource&) = delete;

@@ -63,9 +63,9 @@ struct Slot {
   bool seen = false;         // read before
 };
 
-std::vector<uint64_t> held_bytes_of(std::span<const Part> parts) {
+std::vector<uint64_t> sizes_of(std::span<const Part> parts) {
   std::vector<uint64_t> bytes;
-  for (const Part& part : parts) bytes.push_back(aligned(part.size_bytes));
+  for (const Part& part : parts) bytes.push_back(part.size_bytes);
   return bytes;
 }
 
@@ -75,7 +75,7 @@ struct PartStore::State {
   State(ReadFile read_file, std::vector<Part> all_parts, Options all_options, Validate check)
       : file(std::move(read_file)), parts(std::move(all_parts)), options(std::move(all_options)),
         validate(std::move(check)), slots(parts.size()),
-        residency(held_bytes_of(parts), options.memory_limit_bytes, options.read_ahead_bytes) {}
+        residency(sizes_of(parts), options.memory_limit_bytes, options.read_ahead_bytes) {}
   ~State() { end_readers(); }
 
   ReadFile file;

@@ -25,6 +25,7 @@ uint64_t ring_size(uint64_t largest, uint64_t limit, uint64_t read_ahead) {
 
 Residency::Residency(std::vector<uint64_t> part_bytes, uint64_t memory_limit_bytes, uint64_t read_ahead_bytes)
     : part_bytes_(std::move(part_bytes)), slots_(part_bytes_.size()) {
+  for (uint64_t& bytes : part_bytes_) bytes = (bytes + kDirectAlignment - 1) / kDirectAlignment * kDirectAlignment;
   const uint64_t all = std::accumulate(part_bytes_.begin(), part_bytes_.end(), uint64_t{0});
   const uint64_t largest = part_bytes_.empty() ? 0 : std::ranges::max(part_bytes_);
   if (all > memory_limit_bytes) ring_bytes_ = ring_size(largest, memory_limit_bytes, read_ahead_bytes);

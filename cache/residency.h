@@ -15,7 +15,7 @@ namespace spillway::cache {
 
 class Residency {
  public:
-  // part_bytes: what each takes in memory. read_ahead_bytes: of the limit, of which it takes a quarter at most unless
+  // part_bytes: of each in the file; in memory it takes whole blocks of kDirectAlignment. read_ahead_bytes: of the limit, of which it takes a quarter at most unless
   // two of the largest parts need more.
   Residency(std::vector<uint64_t> part_bytes, uint64_t memory_limit_bytes, uint64_t read_ahead_bytes);
 

@@ -81,7 +81,7 @@ void choose_decoding(Image& image) {
 
 // A file of face textures, open.
 struct Container {
-  std::unique_ptr<FaceTexSource> source;
+  std::shared_ptr<FaceTexSource> source;
   std::unique_ptr<FaceTexDecoder> decoder;
   TileFile tiles;
 };
@@ -118,9 +118,9 @@ float srgb_from_linear(float l) {
 struct TextureCache::State {
   explicit State(uint64_t tile_limit_bytes) : cache(tile_limit_bytes) {}
 
+  std::vector<Container> containers;  // before the cache, which reads through them
   TileCache cache;
   std::vector<Image> images;
-  std::vector<Container> containers;  // after the cache: closed before what they read through
   std::vector<FaceTexture> faces;
   tbb::enumerable_thread_specific<std::unique_ptr<TileThread>> threads;
   std::vector<TextureCounters> staged;  // bytes read ahead, by owner

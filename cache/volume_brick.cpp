@@ -17,8 +17,6 @@ constexpr uint64_t kChecksummedFrom = offsetof(VolumeBrickHeader, size_bytes);
 
 uint64_t sample_bytes(VoxelType type) { return type == VoxelType::half_float ? 2 : 4; }
 
-bool is_brick_size(int32_t voxels) { return voxels == 8 || voxels == 16 || voxels == 32 || voxels == kMaxBrickVoxels; }
-
 uint16_t half_from_float(float x) { return static_cast<uint16_t>(_cvtss_sh(x, _MM_FROUND_TO_NEAREST_INT)); }
 float float_from_half(uint16_t x) { return _cvtsh_ss(x); }
 

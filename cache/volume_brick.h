@@ -48,6 +48,9 @@ struct VolumeBrickHeader {
 };
 static_assert(sizeof(VolumeBrickHeader) == 48);
 
+[[nodiscard]] constexpr bool is_brick_size(int32_t voxels) {
+  return voxels == 8 || voxels == 16 || voxels == 32 || voxels == kMaxBrickVoxels;
+}
 [[nodiscard]] constexpr uint32_t brick_cell_count(int32_t voxels) {
   const auto cells = static_cast<uint32_t>(voxels / kCellVoxels);
   return cells * cells * cells;

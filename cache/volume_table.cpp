@@ -16,12 +16,12 @@ uint64_t entry_count(const VolumeGrid& grid) {
 
 bool is_possible_box(const VolumeGrid& grid) {
   const int32_t voxels = grid.brick_voxels;
-  if (voxels != 8 && voxels != 16 && voxels != 32 && voxels != kMaxBrickVoxels) return false;
+  if (!is_brick_size(voxels)) return false;
   for (int a = 0; a < 3; ++a)
     if (grid.corner[a] < -kMaxLattice || grid.corner[a] > kMaxLattice || grid.corner[a] % kVolumeAlignmentVoxels != 0 ||
         grid.brick_count[a] <= 0 || grid.brick_count[a] > 2 * kMaxLattice / voxels)
       return false;
-  return entry_count(grid) < UINT32_MAX;
+  return entry_count(grid) <= INT32_MAX;  // what brick_of() counts in
 }
 
 Status validate_grid(const VolumeTables& tables, const VolumeGrid& grid, std::string_view where, size_t index) {

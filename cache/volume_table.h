@@ -61,7 +61,7 @@ struct VolumeTablesBuilder {
   std::vector<float> cell_max;
   std::vector<VolumeBrickLocation> bricks;
 
-  // Adds a grid by its bricks' headers, in file order; `bricks` (validated) follow with add_brick().
+  // Adds a grid whose samples lie in [lower, upper); its bricks (validated) follow with add_brick().
   void begin_grid(const int32_t (&lower)[3], const int32_t (&upper)[3], int32_t brick_voxels);
   // Fails for a brick outside the grid, or one that is there already.
   Status add_brick(const VolumeBrickView& brick, const VolumeBrickLocation& location, std::string_view where);

@@ -91,6 +91,8 @@ class Store {
   [[nodiscard]] std::span<const shading::Light> lights() const { return tables_.lights; }
   [[nodiscard]] std::span<const shading::Emitter> emitters() const { return tables_.emitters; }
   [[nodiscard]] std::span<const shading::Emission> emissions() const { return tables_.emissions; }
+  [[nodiscard]] std::span<const shading::Portal> portals() const { return tables_.portals; }
+  [[nodiscard]] std::span<const Rgb> environment() const { return tables_.environment; }
   [[nodiscard]] std::span<const cache::PageLocation> pages() const { return tables_.pages; }
   [[nodiscard]] std::span<const cache::Instance> instances() const { return tables_.instances; }
   [[nodiscard]] std::span<const Motion> motions() const { return tables_.motions; }

@@ -1,7 +1,7 @@
 #pragma once
 
-// Exponential and logarithm of our own, so that their bits do not change with the C library; and products of factors in
-// [0, 1] and above that do not depend on the order of multiplication.
+// Exponential and logarithm of our own, so that their bits do not change with the C library; and products of factors that
+// are not negative that do not depend on the order of multiplication.
 
 #include <bit>
 #include <cmath>
@@ -51,7 +51,6 @@ class OrderlessProduct {
     if (factor > 0) sum_ += static_cast<int64_t>(std::nearbyint(log2_of(factor) * 0x1p40));
   }
   void multiply(const OrderlessProduct& other) { sum_ += other.sum_, zero_ |= other.zero_; }
-  [[nodiscard]] bool is_zero() const { return zero_ != 0; }
   [[nodiscard]] float value() const { return zero_ != 0 ? 0 : exp2_of(static_cast<double>(sum_) * 0x1p-40); }
 
  private:

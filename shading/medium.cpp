@@ -33,7 +33,8 @@ Float3 sample_henyey_greenstein(float g, Float3 w_flight, Float2 u) {
 FreePath sample_free_path(Rgb sigma_t, Rgb shares, float distance_max, Float2 u) {
   const float sum = shares.r + shares.g + shares.b;
   const Rgb share = shares * (1 / sum);
-  const int channel = u.x < share.r ? 0 : u.x < share.r + share.g ? 1 : 2;
+  int channel = u.x < share.r ? 0 : u.x < share.r + share.g ? 1 : 2;
+  while (channel > 0 && !(component(share, channel) > 0)) --channel;  // shares may add up to a rounding less than one
   const float sigma = component(sigma_t, channel);
   FreePath path;
   path.distance = sigma > 0 ? -log_of(1 - u.y) / sigma : INFINITY;

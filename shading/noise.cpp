@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 
+#include "shading/exponential.h"
 #include "shading/trigonometry.h"
 
 namespace spillway::shading {
@@ -72,7 +73,8 @@ struct Octaves {
 };
 Octaves visible_octaves(float width, uint32_t most) {
   if (!(width > 0)) return {most, 0};
-  const float count = std::clamp(-1 - std::log2(width), 0.0f, static_cast<float>(most));
+  if (width > 1) return {0, 0};
+  const float count = std::min(std::max(-1 - static_cast<float>(log2_of(width)), 0.0f), static_cast<float>(most));
   const auto whole = static_cast<uint32_t>(count);
   return {whole, smoothstep(count - static_cast<float>(whole), 0.3f, 0.7f)};
 }

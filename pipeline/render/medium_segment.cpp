@@ -47,9 +47,9 @@ uint32_t SegmentWalk::brick_of(const shading::CellIndex& cell) const {
   return volumes_.brick_of(grid_, {cell.at[0], cell.at[1], cell.at[2]});
 }
 
-// in_cell(cell segment, density) returns whether to go on to the next cell of the run.
+// in_cell(cell segment, cell) returns whether to go on to the next cell of the run.
 template <class InCell>
-bool SegmentWalk::for_each_cell(const BrickRun& run, const InCell& in_cell) const {
+void SegmentWalk::for_each_cell(const BrickRun& run, const InCell& in_cell) const {
   shading::GridWalk::Step step;
   walk_.resume(run.first_cell, run.begin, segment_.end, step);
   for (uint32_t i = 0;; ++i) {
@@ -57,30 +57,30 @@ bool SegmentWalk::for_each_cell(const BrickRun& run, const InCell& in_cell) cons
     const float majorant = volumes_.majorant(grid_, run.brick, {c.at[0], c.at[1], c.at[2]});
     if (majorant > 0 && step.begin < step.end &&
         !in_cell(shading::CellSegment{shading::cell_key(c), step.begin, step.end, majorant}, c))
-      return false;
-    if (i + 1 == run.cell_count || !walk_.next(cells_, segment_.end, step)) return true;
+      return;
+    if (i + 1 == run.cell_count || !walk_.next(cells_, segment_.end, step)) return;
   }
 }
 
 bool SegmentWalk::track(const BrickRun& run, const cache::VolumeBrickView& brick, shading::Collisions& out) const {
-  bool bounded = true;
+  bool whole = true;
   for_each_cell(run, [&](const shading::CellSegment& cell, const shading::CellIndex& at) {
     const auto density = [&](float distance) { return density_at(brick, at, distance); };
-    bounded &= shading::track_cell(cell, segment_.medium->sigma_t(), segment_.shares, segment_.key, density, out);
+    whole &= shading::track_cell(cell, segment_.medium->sigma_t(), segment_.shares, segment_.key, density, out);
     return !out.collided();
   });
-  return bounded;
+  return whole;
 }
 
 bool SegmentWalk::pass(const BrickRun& run, const cache::VolumeBrickView& brick, shading::OrderlessProduct (&weight)[3],
                        uint32_t& steps) const {
-  bool bounded = true;
+  bool whole = true;
   for_each_cell(run, [&](const shading::CellSegment& cell, const shading::CellIndex& at) {
     const auto density = [&](float distance) { return density_at(brick, at, distance); };
-    bounded &= shading::pass_cell(cell, segment_.medium->sigma_t(), segment_.key, density, weight, steps);
+    whole &= shading::pass_cell(cell, segment_.medium->sigma_t(), segment_.key, density, weight, steps);
     return true;
   });
-  return bounded;
+  return whole;
 }
 
 // Held inside the cell, which is the same for bricks of every size.

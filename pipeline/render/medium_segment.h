@@ -50,7 +50,7 @@ class SegmentWalk {
 
  private:
   template <class InCell>
-  bool for_each_cell(const BrickRun& run, const InCell& in_cell) const;
+  void for_each_cell(const BrickRun& run, const InCell& in_cell) const;
   [[nodiscard]] uint32_t brick_of(const shading::CellIndex& cell) const;
   [[nodiscard]] float density_at(const cache::VolumeBrickView& brick, const shading::CellIndex& cell,
                                  float distance) const;
@@ -67,7 +67,7 @@ class SegmentWalk {
 [[nodiscard]] SegmentResult track_homogeneous(const MediumSegment& segment);
 [[nodiscard]] Rgb pass_homogeneous(const MediumSegment& segment);
 // What a grid's collisions, joined over all runs, come to. `glow`: the medium's emission where they ended, see
-// glow_at().
+// glow_place().
 [[nodiscard]] SegmentResult segment_result(const MediumSegment& segment, const shading::Collisions& all, Rgb glow);
 
 // Where a grid's glow is looked up: a brick and a place in it.

@@ -20,9 +20,7 @@ constexpr uint64_t kHitBytesPerPath = 2 * 96 + 2 * 16 + 8;  // records, keys, or
 constexpr uint64_t kColdSpillBytesPerStep = 2 * kColdBytesPerPath;
 constexpr uint64_t kHitSpillBytesPerStep = 2 * (96 + 16);
 
-// Small waves stay near the processor's caches, but each begins with geometry and textures gone from them: 64 Ki paths are 4 %
-// faster than 32 Ki, 128 Ki another 2 % for twice the memory. Larger ones only pay when a sweep is to be shared.
-constexpr uint64_t kInCoreWavePaths = 64 << 10, kSmallestWavePaths = 32 << 10;
+constexpr uint64_t kSmallestWavePaths = 32 << 10;
 constexpr uint64_t kLargestWavePaths = 32ull << 20;
 // Batches of route_hits and shade_hits, thread scratch.
 constexpr uint64_t kStageBytes = 12 * kMiB;

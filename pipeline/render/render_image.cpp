@@ -208,7 +208,6 @@ class RenderLoop {
     TrackMediaReport tracked;
     SPILLWAY_TRY(track_media(state_.media, {wave.paths.hot, path_hits_, &wave.paths.cold},
                              {wave.shadows.hot, shadow_hits_, &wave.shadows.cold}, options, track_scratch_, tracked));
-    report.bricks_touched = tracked.bricks_touched;
     report_.track += tracked;
     if (state_.volumes) state_.volumes->parts().rebalance();
     return {};
@@ -318,15 +317,16 @@ FilmIdentity film_identity(const Store& store, const SceneSettings& settings) {
   render.samples_per_pixel = 0;  // films of different counts are parts of one image
   uint64_t key = checksum(&settings.camera, sizeof settings.camera);
   key = checksum(&settings.filter, sizeof settings.filter, key);
+  key = checksum(&settings.film.exposure_scale, sizeof settings.film.exposure_scale, key);
   key = checksum(&render, sizeof render, key);
-  key = checksum(store.lights().data(), store.lights().size_bytes(), key);
-  key = checksum(store.emitters().data(), store.emitters().size_bytes(), key);
-  key = checksum(store.emissions().data(), store.emissions().size_bytes(), key);
-  key = checksum(store.materials().data(), store.materials().size_bytes(), key);
-  key = checksum(store.meshes().data(), store.meshes().size_bytes(), key);
+  const auto add = [&](const auto& rows) { key = checksum(rows.data(), rows.size_bytes(), key); };
+  add(store.lights()), add(store.emitters()), add(store.emissions()), add(store.portals()), add(store.environment());
+  add(store.materials()), add(store.textures()), add(store.images()), add(store.face_textures());
+  add(store.meshes()), add(store.instances());
+  add(store.medium_tables().media), add(store.medium_tables().black_bodies);
   if (!store.motions().empty()) {
     key = checksum(&settings.motion, sizeof settings.motion, key);
-    key = checksum(store.motions().data(), store.motions().size_bytes(), key);
+    add(store.motions());
   }
   return {key, fmt::format("gcc {}, glibc {}.{}", __VERSION__, __GLIBC__, __GLIBC_MINOR__)};
 }
@@ -348,8 +348,7 @@ SceneFacts scene_facts(const Store& store, const RenderOptions& options) {
     facts.largest_attribute_block_bytes = std::max<uint64_t>(facts.largest_attribute_block_bytes, block.size_bytes);
   }
   facts.texture_bytes = cache::TextureCache::bytes_for_all(store.images(), store.face_containers());
-  facts.image_count = store.images().size();
-  facts.has_media = !store.medium_tables().media.empty();
+  facts.has_media = store.medium_tables().media.empty() ? 0 : 1;
   for (const cache::VolumeBrickLocation& brick : store.medium_tables().volumes.bricks) {
     facts.volume_bytes += brick.size_bytes;
     facts.largest_brick_bytes = std::max(facts.largest_brick_bytes, brick.size_bytes);
@@ -359,7 +358,7 @@ SceneFacts scene_facts(const Store& store, const RenderOptions& options) {
   facts.film_bytes = Film::bytes(film_shape(options.settings, options.aov_layers));
   facts.pixel_count = pixel_window(options.settings).pixel_count();
   facts.samples_per_pixel = options.settings.render.samples_per_pixel;
-  facts.max_depth = options.settings.render.max_depth;
+  facts.max_depth = std::min(options.settings.render.max_depth, kMostBounces);
   return facts;
 }
 

@@ -25,7 +25,7 @@ struct WaveReport {
   uint64_t path_count = 0, shadow_count = 0, generated_count = 0;
   double sort_seconds = 0, trace_seconds = 0, track_seconds = 0, route_seconds = 0, shade_seconds = 0;
   cache::TextureCounters textures;
-  uint64_t pages_touched = 0, pair_count = 0, window_count = 0, partition_count = 0, bricks_touched = 0, spilled_bytes = 0;
+  uint64_t pages_touched = 0, pair_count = 0, window_count = 0, partition_count = 0, spilled_bytes = 0;
 };
 
 struct TextureReport {

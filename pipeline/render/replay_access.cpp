@@ -4,14 +4,14 @@
 #include <array>
 #include <cmath>
 
-#include "cache/file.h"
 #include "cache/residency.h"
+#include "pipeline/records.h"
 #include "pipeline/render/epochs.h"
 
 namespace spillway::pipeline {
 namespace {
 
-constexpr uint64_t kInCoreWavePaths = 64 << 10;  // beyond, a wave leaves the processor's caches
+constexpr double kMostWaves = 1 << 22;  // 2^38 paths in small waves: more is no frame
 
 using List = std::vector<uint32_t>;
 
@@ -188,13 +188,6 @@ Needs needs_of(const AccessLog& log, const LogSets& sets, const PlannedWave& wav
   return n;
 }
 
-std::vector<uint64_t> held(const std::vector<uint64_t>& bytes) {
-  std::vector<uint64_t> out;
-  for (const uint64_t b : bytes)
-    out.push_back((b + cache::kDirectAlignment - 1) / cache::kDirectAlignment * cache::kDirectAlignment);
-  return out;
-}
-
 // One sweep over what is needed and not resident. Returns the bytes read. `asked`: residents that count as wanted.
 uint64_t sweep(cache::Residency& residency, const std::vector<uint64_t>& bytes, const std::vector<bool>& needed,
                const std::vector<bool>& asked) {
@@ -242,10 +235,14 @@ Result<Replay> replay_access(const AccessLog& log, PlanOptions options, const Re
   if (log.waves.empty()) return error("the log has no waves");
   Replay replay;
   SPILLWAY_ASSIGN(replay.plan, plan_render(log.facts.scene, options));
+  if (log.facts.scene.max_depth > kMostBounces) return error("the log is of {} bounces: it is damaged", log.facts.scene.max_depth);
+  const double wave_count = static_cast<double>(log.facts.scene.pixel_count) * log.facts.scene.samples_per_pixel /
+                            static_cast<double>(replay.plan.wave_paths);
+  if (!(wave_count < kMostWaves)) return error("the log is of a frame of {:.0f} waves: it is damaged", wave_count);
   const LogTotals t = totals(log);
   const LogSets sets(log);
-  cache::Residency pages(held(log.page_bytes), replay.plan.page_bytes, replay.plan.read_ahead_bytes);
-  cache::Residency blocks(held(log.attribute_bytes), replay.plan.attribute_bytes, replay.plan.read_ahead_bytes);
+  cache::Residency pages(log.page_bytes, replay.plan.page_bytes, replay.plan.read_ahead_bytes);
+  cache::Residency blocks(log.attribute_bytes, replay.plan.attribute_bytes, replay.plan.read_ahead_bytes);
   const std::vector<PlannedWave> waves = WavePlanner(log, t, replay.plan).run();
   for (const PlannedWave& wave : waves) {
     const Needs needs = needs_of(log, sets, wave);

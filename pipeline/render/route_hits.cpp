@@ -14,7 +14,8 @@ constexpr size_t kBlockRecords = 1024;
 // What one block of rays turned into, written to the scratch from `first` on.
 struct RoutedBlock {
   size_t first = 0;
-  uint32_t hit_count = 0, splat_count = 0, occluded_count = 0, alpha_shadow_count = 0, medium_count = 0;
+  uint32_t hit_count = 0, splat_count = 0, occluded_count = 0, alpha_shadow_count = 0;
+  uint32_t medium_count = 0, absorbed_count = 0;
 
   void emit(const HitRecord& record, const cache::SortKey& key, RouteHitsScratch& scratch) {
     scratch.hits[first + hit_count] = record;
@@ -68,6 +69,7 @@ Status route_all(const cache::RecordStream<Record>& records, Buffer<Record>& col
       pieces[b] = {scratch.keys.data() + out.first, scratch.hits.data() + out.first, out.hit_count};
       report.hit_count += out.hit_count, report.occluded_count += out.occluded_count;
       report.alpha_shadow_count += out.alpha_shadow_count, report.medium_count += out.medium_count;
+      report.absorbed_count += out.absorbed_count;
     }
     SPILLWAY_TRY(sort.append(std::span(pieces).first(block_total)));
   }
@@ -107,9 +109,12 @@ Status route_hits(const PathSettings& settings, const TracedPaths& paths, const 
       if (!is_black(medium.emitted))
         out.emit(SplatRecord{path.sink, path.sample, emission_event(path.bounce), path.throughput * medium.emitted}, scratch);
       path.throughput *= medium.weight;
-      if (medium.distance < INFINITY) ++out.medium_count;
-      if (is_black(path.throughput)) return;
+      if (is_black(path.throughput)) {
+        ++out.absorbed_count;
+        return;
+      }
       if (medium.distance < INFINITY) {
+        ++out.medium_count;
         const HitRecord record = medium_hit(ray, path, medium.distance);
         return out.emit(record, key_of(record, i), scratch);
       }
@@ -134,9 +139,10 @@ Status route_hits(const PathSettings& settings, const TracedPaths& paths, const 
       out.emit(SplatRecord{shadow.sink, shadow.sample, shadow_event(shadow.bounce), shadow.contribution}, scratch);
     }
   };
-  const uint64_t hits_before = report.hit_count;
+  const uint64_t hits_before = report.hit_count, absorbed_before = report.absorbed_count;
   SPILLWAY_TRY(route_all(*paths.records, scratch.paths, paths.rays.size(), hits, film, scratch, report, route_path));
-  report.escaped_count += paths.rays.size() - (report.hit_count - hits_before);
+  report.escaped_count +=
+      paths.rays.size() - (report.hit_count - hits_before) - (report.absorbed_count - absorbed_before);
   const uint64_t stopped_before = report.occluded_count + report.alpha_shadow_count;
   SPILLWAY_TRY(
       route_all(*shadows.records, scratch.shadows, shadows.rays.size(), hits, film, scratch, report, route_shadow));

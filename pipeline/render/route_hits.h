@@ -37,7 +37,8 @@ struct TracedShadows {
 
 struct RouteHitsReport {
   uint64_t hit_count = 0, escaped_count = 0, arrived_count = 0, occluded_count = 0, alpha_shadow_count = 0;
-  uint64_t medium_count = 0;  // of the hits
+  uint64_t medium_count = 0;    // of the hits
+  uint64_t absorbed_count = 0;  // paths that ended in a medium
 };
 
 // Reused from wave to wave. Blocks of rays write from their own first index on.

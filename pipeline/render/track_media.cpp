@@ -14,8 +14,6 @@ constexpr size_t kBatchRecords = 1 << 15;
 constexpr size_t kBlockRecords = 256;
 constexpr size_t kBlockRuns = 64;
 
-float magnitude(float x) { return std::fabs(x); }
-
 const Rgb& carried(const PathRecord& record) { return record.throughput; }
 const Rgb& carried(const ShadowRecord& record) { return record.contribution; }
 constexpr bool is_shadow(const PathRecord&) { return false; }
@@ -35,7 +33,7 @@ bool make_segment(const MediaInputs& inputs, const cache::TraceRay& ray, const c
   segment.key = shading::segment_key({record.sink, record.sample, inputs.seed}, record.bounce, is_shadow(record),
                                      ray.origin_world);
   const Rgb c = carried(record);
-  segment.shares = {magnitude(c.r), magnitude(c.g), magnitude(c.b)};
+  segment.shares = {std::fabs(c.r), std::fabs(c.g), std::fabs(c.b)};
   return true;
 }
 
@@ -109,8 +107,9 @@ struct Waiting {
   float nearest = INFINITY;  // collision so far
 };
 
-constexpr uint64_t kBytesPerRun =
-    sizeof(Run) + sizeof(shading::Collisions) + sizeof(Waiting) + 2 * sizeof(cache::KeyIndex<uint32_t>);
+// Segments have at least one run: what join() makes of each is part of it.
+constexpr uint64_t kBytesPerRun = sizeof(Run) + sizeof(Waiting) + 2 * sizeof(shading::Collisions) + sizeof(GlowPlace) +
+                                  sizeof(float) + sizeof(uint32_t) + 2 * sizeof(cache::KeyIndex<uint32_t>);
 
 // Collects the segments of one kind of rays and tracks them in rounds, each one sweep over the bricks they meet.
 class Rounds {
@@ -130,6 +129,7 @@ class Rounds {
         return true;
       });
       waiting.run_count = static_cast<uint32_t>(runs_.size()) - waiting.first_run;
+      if (waiting.run_count == 0) continue;  // nothing in its way
       waiting_.push_back(waiting);
       if (runs_.size() >= most_runs_) SPILLWAY_TRY(finish());
     }

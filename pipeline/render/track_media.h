@@ -4,11 +4,10 @@
 //
 // In:     traced rays of one kind with their cold records (medium, random keys, throughput).
 // Out:    a SegmentResult a ray; identity for rays outside of media.
-// Memory: tag rays: the results, 36 bytes a ray; tag volumes: bricks, within the store's limit; runs of segments in
+// Memory: tag rays: the results, 28 bytes a ray; tag volumes: bricks, within the store's limit; runs of segments in
 //         grids, within run_limit_bytes: more than fit are tracked in several rounds, each a sweep of its own.
 // Order:  runs are tracked brick by brick, in file order; random numbers are keyed, the nearest collision of a ray
-// wins,
-//         weights are multiplied in integers. Nothing of this shows.
+//         wins, weights are multiplied in integers. Nothing of this shows.
 // Based on: DESIGN.md section 9; shading/medium.h.
 
 #include <memory>

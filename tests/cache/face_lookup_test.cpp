@@ -267,8 +267,22 @@ TEST_F(FaceLookupTest, triangles_keep_one_colour_and_join_at_their_edge) {
     for (double v = 0.1; v + u < 0.9; v += 0.05)
       ASSERT_NEAR(at(0, u, v).value[1], u + 2 * v, 3.0 / 16 * 0.5) << u << ' ' << v;
   }
+  // Beyond the diagonal, where no face of a right mesh asks, is what lies on it.
+  EXPECT_NEAR(at(0, 1, 1).value[0], 0.5, 1e-6);
+  EXPECT_EQ(at(0, 0.75, 0.75).value[2], at(0, 0.5, 0.5).value[2]);
   // The coarser levels keep the mean.
   EXPECT_NEAR(at(0, 1.0 / 3, 1.0 / 3, 100).value[1] + at(1, 1.0 / 3, 1.0 / 3, 100).value[1], 3, 1e-5);
+}
+
+TEST(FaceLayout, neighbours_that_are_not_there_are_refused_wherever_they_are_named) {
+  constexpr uint32_t kNowhere = 0x7fffffff;
+  for (uint32_t edge = 0; edge < 4; ++edge) {
+    std::vector<FaceInfo> faces(2);
+    faces[0].adjacent_faces[edge] = 1, faces[0].flags = kFaceIsSubface;
+    for (uint32_t& face : faces[1].adjacent_faces) face = kNowhere;
+    EXPECT_EQ(first_inconsistent_edge(faces, FaceShape::quad, 0), edge);
+    EXPECT_EQ(first_inconsistent_edge(faces, FaceShape::quad, 1), 0u);
+  }
 }
 
 }  // namespace

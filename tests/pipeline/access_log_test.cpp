@@ -94,6 +94,17 @@ TEST_F(AccessLogTest, lists_that_cannot_be_are_refused) {
   EXPECT_TRUE(AccessLog::read(path_));
 }
 
+// Whose replay would not end.
+TEST_F(AccessLogTest, logs_of_impossible_frames_are_refused) {
+  AccessLog log;
+  render({.wave_paths = 1000}, &log);
+  AccessLog deep = std::move(log);
+  deep.facts.scene.max_depth = UINT32_MAX;
+  EXPECT_FALSE(replay_access(deep, {.wave_paths = 1000}));
+  deep.facts.scene.max_depth = 5, deep.facts.scene.pixel_count = 1ull << 60;
+  EXPECT_FALSE(replay_access(deep, {.wave_paths = 1000}));
+}
+
 TEST_F(AccessLogTest, with_memory_for_all_each_page_that_is_needed_is_read_once) {
   AccessLog log;
   const RenderReport report = render({.wave_paths = 1000}, &log);

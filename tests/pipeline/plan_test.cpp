@@ -14,7 +14,7 @@ SceneFacts large_scene() {
   SceneFacts f;
   f.trace_bytes = 40 * kGiB, f.largest_page_bytes = 6 * kMiB;
   f.attribute_bytes = 20 * kGiB, f.largest_attribute_block_bytes = 2 * kMiB;
-  f.texture_bytes = 4 * kGiB, f.image_count = 50, f.table_bytes = 10 * kMiB, f.film_bytes = 50 * kMiB;
+  f.texture_bytes = 4 * kGiB;
   f.pixel_count = 1920 * 1080, f.samples_per_pixel = 64;
   return f;
 }

@@ -320,6 +320,19 @@ TEST_F(SameBits, for_another_layout_of_pages_and_trees) {
   ASSERT_TRUE(other) << other.error().message;
   EXPECT_GT(other->pages().size(), 2 * store_->pages().size());
   EXPECT_EQ(render(options(), 2, *other).report.image_hash, hash_);
+  EXPECT_EQ(film_identity(*other, options().settings).settings_key, film_identity(*store_, options().settings).settings_key);
+}
+
+TEST_F(SameBits, films_of_another_exposure_or_medium_are_no_parts_of_the_same_image) {
+  SceneSettings exposed = options().settings;
+  exposed.film.exposure_scale *= 2;
+  EXPECT_NE(film_identity(*store_, exposed).settings_key, film_identity(*store_, options().settings).settings_key);
+  SmallSceneOptions scene;
+  scene.has_media = true;
+  const auto hazy = pack_small_scene(directory_->path(), "hazy", scene);
+  ASSERT_TRUE(hazy) << hazy.error().message;
+  EXPECT_NE(film_identity(*hazy, options().settings).settings_key,
+            film_identity(*store_, options().settings).settings_key);
 }
 
 TEST_F(SameBits, a_crop_has_the_pixels_of_the_full_frame) {

@@ -95,6 +95,15 @@ struct Estimate {
   }
 };
 
+// Two shares may add up to a rounding less than one: the third must not be taken for it.
+TEST(FreePath, a_channel_that_carries_nothing_is_never_followed) {
+  for (float r = 1; r < 30; ++r)
+    for (float g = 1; g < 30; ++g) {
+      const FreePath path = sample_free_path({1, 1, 1e-7f}, {r, g, 0}, 1e6f, {0x1.fffffep-1f, 0.5f});
+      ASSERT_TRUE(path.distance < 1e3f && is_finite(path.weight)) << r << ' ' << g;
+    }
+}
+
 TEST(FreePath, weights_are_the_transmittance_and_what_collides) {
   const Rgb sigma{0.2f, 1.0f, 3.0f};
   constexpr float kEnd = 1.5f;
