@@ -15,6 +15,8 @@ CLI::Validator positive() {
   return {check, "POSITIVE"};
 }
 
+void refuse_option(const std::string& name, const std::string& message) { throw CLI::ValidationError(name, message); }
+
 int fail(const std::string& message, int code) {
   fmt::print(stderr, "spillway: {}\n", message);
   return code;

@@ -10,11 +10,10 @@ namespace {
 
 struct PackArguments {
   OpenSceneOptions scene;
-  std::string memory, report;
+  std::string report;
 };
 
-Status pack(PackArguments& arguments) {
-  SPILLWAY_TRY(read_bytes(arguments.memory, arguments.scene.memory_bytes));
+Status pack(const PackArguments& arguments) {
   SPILLWAY_ASSIGN(const pipeline::PackReport report, pack_scene(arguments.scene));
   if (!arguments.scene.quiet) fmt::print(stderr, "{}", report_table(report));
   return arguments.report.empty() ? Status{} : write_text(arguments.report, report_json(report));
@@ -27,7 +26,8 @@ void add_pack_command(CLI::App& app, int& exit_code) {
   auto arguments = std::make_shared<PackArguments>();
   command->add_option("scene", arguments->scene.scene, "a .pbrt scene")->required();
   command->add_option("-o,--output", arguments->scene.store_directory, "the store's directory [beside the scene]");
-  command->add_option("--memory", arguments->memory, "limit for packing, such as 2GiB");
+  add_parsed(*command, "--memory", arguments->scene.memory_bytes, parse_bytes,
+             "limit for packing, such as 1GiB [2GiB beside what is loaded]");
   command->add_option("--report", arguments->report, "write what each step cost as JSON");
   command->add_option("--edge-length-px", arguments->scene.edge_length_px, "longest edge of diced surfaces on the picture [4]")
       ->check(positive());

@@ -36,12 +36,6 @@ Result<uint64_t> parse_bytes(const std::string& text) {
   return static_cast<uint64_t>(number * scale);
 }
 
-Status read_bytes(const std::string& text, uint64_t& bytes) {
-  if (text.empty()) return {};
-  SPILLWAY_ASSIGN(bytes, parse_bytes(text));
-  return {};
-}
-
 Result<Resolution> parse_resolution(const std::string& text) {
   Resolution r;
   size_t at = 0;

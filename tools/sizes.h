@@ -12,9 +12,6 @@ namespace spillway::tools {
 // "512MiB", "2GiB", "64KiB", "4096": bytes. Powers of two only; KB and MB are refused for being two things.
 Result<uint64_t> parse_bytes(const std::string& text);
 
-// The same into `bytes`, which stay as they are when nothing is said.
-Status read_bytes(const std::string& text, uint64_t& bytes);
-
 struct Resolution {
   uint32_t x = 0, y = 0;
 };
