@@ -45,6 +45,7 @@ struct ByteSort::State {
   StreamOptions options;
   uint64_t capacity;                 // records of a run, and of a partition
   uint64_t records_per_block, block_bytes;
+  uint64_t request_blocks;           // neighbouring blocks of a run that are written or read at once
   Buffer<std::byte> records, sorted;
   Buffer<SortKey> keys;
   Buffer<KeyIndex<uint64_t>> pairs, pair_scratch;
@@ -53,7 +54,7 @@ struct ByteSort::State {
   uint64_t file_bytes = 0;
   std::vector<Run> runs;
   std::vector<SortKey> splitters;    // partition p holds keys in [splitters[p], splitters[p + 1])
-  tbb::enumerable_thread_specific<Buffer<std::byte>> thread_blocks;  // what each thread writes or reads
+  tbb::enumerable_thread_specific<Buffer<std::byte>> thread_requests;  // what each thread writes or reads
   bool finished = false;
 
   State(size_t bytes, StreamOptions o) : record_bytes(bytes), options(std::move(o)) {
@@ -64,6 +65,7 @@ struct ByteSort::State {
     const uint64_t wanted = std::clamp<uint64_t>(capacity * stored / 256, kDirectAlignment, options.block_bytes);
     block_bytes = aligned(std::max<uint64_t>(wanted, sizeof(BlockHeader) + stored));
     records_per_block = (block_bytes - sizeof(BlockHeader)) / stored;
+    request_blocks = std::max<uint64_t>(1, options.block_bytes / block_bytes);
   }
 
   // Room for `wanted` items in all arrays, by doubling up to the capacity (a partition of very many runs may need more).
@@ -120,14 +122,17 @@ struct ByteSort::State {
     Run run{file_bytes, filled, {}};
     const uint64_t blocks = block_count(filled, records_per_block);
     run.block_keys.resize(blocks);
-    // Every thread fills and writes blocks of its own: their checksums and requests go side by side.
-    SPILLWAY_TRY(parallel_status(blocks, [&](size_t b) -> Status {
-      Buffer<std::byte>& block = thread_blocks.local();
-      block.renew(MemoryTag::streams, block_bytes);
-      const uint64_t first = b * records_per_block;
-      run.block_keys[b] = keys[pairs[first].index];
-      fill_block(block, first, std::min(records_per_block, filled - first), b);
-      return file->write(run.offset_bytes + b * block_bytes, block);
+    // Every thread fills and writes requests of its own: their checksums and writes go side by side.
+    SPILLWAY_TRY(parallel_status(block_count(blocks, request_blocks), [&](size_t r) -> Status {
+      const uint64_t begin = r * request_blocks, end = std::min(begin + request_blocks, blocks);
+      Buffer<std::byte>& request = thread_requests.local();
+      request.renew(MemoryTag::streams, (end - begin) * block_bytes);
+      for (uint64_t b = begin; b < end; ++b) {
+        const uint64_t first = b * records_per_block;
+        run.block_keys[b] = keys[pairs[first].index];
+        fill_block(request.data() + (b - begin) * block_bytes, first, std::min(records_per_block, filled - first), b);
+      }
+      return file->write(run.offset_bytes + begin * block_bytes, {request.data(), (end - begin) * block_bytes});
     }));
     file_bytes += blocks * block_bytes;
     runs.push_back(std::move(run));
@@ -136,15 +141,15 @@ struct ByteSort::State {
   }
 
   // Keys first, then records.
-  void fill_block(Buffer<std::byte>& block, uint64_t first, uint64_t count, uint64_t index) {
-    auto* to = reinterpret_cast<SortKey*>(block.data() + sizeof(BlockHeader));
+  void fill_block(std::byte* block, uint64_t first, uint64_t count, uint64_t index) const {
+    std::byte* const body = block + sizeof(BlockHeader);
+    auto* to = reinterpret_cast<SortKey*>(body);
     for (uint64_t i = 0; i < count; ++i) to[i] = keys[pairs[first + i].index];
-    std::memcpy(block.data() + sizeof(BlockHeader) + count * sizeof(SortKey), sorted.data() + first * record_bytes,
-                count * record_bytes);
+    std::memcpy(body + count * sizeof(SortKey), sorted.data() + first * record_bytes, count * record_bytes);
     const uint64_t used = count * (sizeof(SortKey) + record_bytes);
-    const BlockHeader header{kRunMagic, static_cast<uint32_t>(count), index,
-                             checksum(block.data() + sizeof(BlockHeader), used)};
-    std::memcpy(block.data(), &header, sizeof header);
+    const BlockHeader header{kRunMagic, static_cast<uint32_t>(count), index, checksum(body, used)};
+    std::memcpy(block, &header, sizeof header);
+    std::memset(body + used, 0, block_bytes - sizeof header - used);
   }
 
   // A block of a run, checked: its keys and its records.
@@ -152,16 +157,15 @@ struct ByteSort::State {
     std::span<const SortKey> keys;
     const std::byte* records;
   };
-  Result<Block> read_block(const Run& run, uint64_t index, Buffer<std::byte>& into) const {
-    const uint64_t offset = run.offset_bytes + index * block_bytes;
-    SPILLWAY_TRY(file->read(offset, into));
+  Result<Block> checked(const std::byte* block, const Run& run, uint64_t index) const {
     BlockHeader header;
-    std::memcpy(&header, into.data(), sizeof header);
+    std::memcpy(&header, block, sizeof header);
+    const std::byte* body = block + sizeof header;
     const uint64_t used = header.count * (sizeof(SortKey) + record_bytes);
     const bool sane = header.magic == kRunMagic && header.index == index && header.count <= records_per_block;
-    if (!sane || checksum(into.data() + sizeof header, used) != header.checksum)
-      return error("{}: block {} at byte {} of a sorted run came back damaged; check the disk", options.what, index, offset);
-    const std::byte* body = into.data() + sizeof header;
+    if (!sane || checksum(body, used) != header.checksum)
+      return error("{}: block {} at byte {} of a sorted run came back damaged; check the disk", options.what, index,
+                   run.offset_bytes + index * block_bytes);
     return Block{{reinterpret_cast<const SortKey*>(body), header.count}, body + header.count * sizeof(SortKey)};
   }
 
@@ -178,18 +182,20 @@ struct ByteSort::State {
       if (splitters.back() < samples[i]) splitters.push_back(samples[i]);
   }
 
-  // The blocks of all runs that may hold keys of [from, to).
+  // Neighbouring blocks of a run that may hold keys of [from, to), at most a request of them.
   struct Place {
     const Run* run;
-    uint64_t index;
+    uint64_t index, count;
   };
   [[nodiscard]] std::vector<Place> blocks_between(const SortKey& from, const SortKey* to) const {
     std::vector<Place> places;
     for (const Run& run : runs) {
-      const auto after = std::upper_bound(run.block_keys.begin(), run.block_keys.end(), from);
-      uint64_t index = after == run.block_keys.begin() ? 0 : static_cast<uint64_t>(after - run.block_keys.begin()) - 1;
-      for (; index < run.block_keys.size() && (to == nullptr || run.block_keys[index] < *to); ++index)
-        places.push_back({&run, index});
+      const auto begin = run.block_keys.begin();
+      const auto after = std::upper_bound(begin, run.block_keys.end(), from);
+      const auto end = to == nullptr ? run.block_keys.end() : std::lower_bound(after, run.block_keys.end(), *to);
+      const auto last = static_cast<uint64_t>(end - begin);
+      for (auto index = static_cast<uint64_t>(std::max<ptrdiff_t>(after - begin - 1, 0)); index < last; index += request_blocks)
+        places.push_back({&run, index, std::min(request_blocks, last - index)});
     }
     return places;
   }
@@ -197,23 +203,34 @@ struct ByteSort::State {
   // Brings the records of [from, to) into the filling arrays, in any order: they are sorted by a total order next.
   Status load(const SortKey& from, const SortKey* to) {
     const std::vector<Place> places = blocks_between(from, to);
+    uint64_t blocks = 0;
+    for (const Place& place : places) blocks += place.count;
     filled = 0;
-    grow(places.size() * records_per_block);
+    grow(blocks * records_per_block);
     std::atomic<uint64_t> placed = 0;
     const Status status = parallel_status(places.size(), [&](size_t p) -> Status {
-      Buffer<std::byte>& block = thread_blocks.local();
-      block.renew(MemoryTag::streams, block_bytes);
-      SPILLWAY_ASSIGN(const Block content, read_block(*places[p].run, places[p].index, block));
-      const auto begin = content.keys.begin(), end = content.keys.end();
-      const auto first = std::lower_bound(begin, end, from), last = to == nullptr ? end : std::lower_bound(begin, end, *to);
-      const auto skipped = static_cast<uint64_t>(first - begin), count = static_cast<uint64_t>(last - first);
-      const uint64_t at = placed.fetch_add(count);
-      std::copy(first, last, keys.data() + at);
-      std::memcpy(records.data() + at * record_bytes, content.records + skipped * record_bytes, count * record_bytes);
+      const Place& place = places[p];
+      Buffer<std::byte>& request = thread_requests.local();
+      request.renew(MemoryTag::streams, place.count * block_bytes);
+      SPILLWAY_TRY(file->read(place.run->offset_bytes + place.index * block_bytes, {request.data(), place.count * block_bytes}));
+      for (uint64_t b = 0; b < place.count; ++b) {
+        SPILLWAY_ASSIGN(const Block content, checked(request.data() + b * block_bytes, *place.run, place.index + b));
+        keep(content, from, to, placed);
+      }
       return {};
     });
     filled = placed;
     return status;
+  }
+
+  // Copies what lies in [from, to) behind what others placed.
+  void keep(const Block& block, const SortKey& from, const SortKey* to, std::atomic<uint64_t>& placed) {
+    const auto begin = block.keys.begin(), end = block.keys.end();
+    const auto first = std::lower_bound(begin, end, from), last = to == nullptr ? end : std::lower_bound(begin, end, *to);
+    const auto skipped = static_cast<uint64_t>(first - begin), count = static_cast<uint64_t>(last - first);
+    const uint64_t at = placed.fetch_add(count);
+    std::copy(first, last, keys.data() + at);
+    std::memcpy(records.data() + at * record_bytes, block.records + skipped * record_bytes, count * record_bytes);
   }
 };
 
@@ -280,7 +297,7 @@ void ByteSort::clear() {
   s.file.reset();
   s.runs.clear();
   s.splitters.clear();
-  s.thread_blocks.clear();
+  s.thread_requests.clear();
   s.finished = false;
 }
 

@@ -5,8 +5,8 @@
 //
 // In: append() any number of times. Out: partitions in key order, each a contiguous array in memory.
 // Memory: `tag` up to memory_limit_bytes in both phases: while filling, records, keys and sort pairs of one run and its
-//         sorted copy (2 record + 48 bytes an item); while reading, one partition the same way. Besides, a block of
-//         MemoryTag::streams a thread.
+//         sorted copy (2 record + 48 bytes an item); while reading, one partition the same way. Besides, a request of
+//         MemoryTag::streams a thread (options.block_bytes, or one block of the run).
 // Threads: one appender; sorting and reading use the threads of the current arena.
 // Order: by key; the caller makes keys unique, so the order is total and depends on nothing else.
 // Based on: sample sort of external runs (splitters from every run's every n-th key), one write and one read a record.

@@ -59,6 +59,27 @@ TEST(Plan, a_scene_far_beyond_the_budget_goes_in_large_waves) {
   EXPECT_GT(plan->predicted_page_bytes, large_scene().trace_bytes);
 }
 
+TEST(Plan, waves_are_the_same_for_any_budget_that_gives_them_the_same_size) {
+  PlanOptions little = budget(2 * kGiB), much = budget(0);
+  little.wave_paths = much.wave_paths = 128 << 10;
+  const auto swept = plan_render(large_scene(), little), whole = plan_render(large_scene(), much);
+  ASSERT_TRUE(swept && whole);
+  EXPECT_TRUE(whole->pages_fit && !swept->pages_fit);
+  EXPECT_EQ(swept->first_epoch_samples, whole->first_epoch_samples);
+  EXPECT_EQ(swept->epoch_samples, whole->epoch_samples);
+  EXPECT_GT(whole->first_epoch_samples, 1u);
+}
+
+// A scene of hundreds of pages: waves that stay in memory meet few of them, and cost less than to write every ray twice.
+TEST(Plan, records_stay_in_memory_where_a_wave_meets_few_pages) {
+  SceneFacts city = large_scene();
+  city.trace_bytes = 1200 * kMiB, city.attribute_bytes = 400 * kMiB, city.texture_bytes = 0;
+  const auto plan = plan_render(city, budget(1 * kGiB));
+  ASSERT_TRUE(plan);
+  EXPECT_FALSE(plan->pages_fit);
+  EXPECT_FALSE(plan->spills);
+}
+
 TEST(Plan, a_budget_that_is_too_small_is_refused_with_one_that_would_do) {
   const auto refused = plan_render(large_scene(), budget(200 * kMiB));
   ASSERT_FALSE(refused);
