@@ -48,6 +48,8 @@ struct RenderOptions {
   uint64_t scratch_limit_bytes = 0;  // 0: what the disk has
 
   double time_limit_seconds = 0;     // stops at the next epoch that leaves both halves whole; 0: none
+  double error = 0;                  // stops at the epoch whose ErrorEstimate's bound is no more; 0: none. The samples
+                                     // a pixel of the settings are then the most
   const std::atomic<bool>* stop = nullptr;  // the same, asked for from outside (Ctrl-C)
   std::function<void(const RenderProgress&)> on_progress;  // once a wave, on the calling thread
 };

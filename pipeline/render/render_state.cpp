@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <numeric>
 
+#include "pipeline/render/used_parts.h"
+
 namespace spillway::pipeline {
 namespace {
 
@@ -223,6 +225,7 @@ void fill_report(const RenderState& state, const CountersBefore& before, RenderR
   report.untagged_bytes = report.resident.peak_bytes > known ? report.resident.peak_bytes - known : 0;
   report.faults = state.film->faults();
   report.image_hash = state.film->hash();
+  report.parts = used_parts(state, report);
 }
 
 }  // namespace spillway::pipeline

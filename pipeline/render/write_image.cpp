@@ -156,6 +156,7 @@ void set_metadata(ImageSpec& spec, const Film& film, const ImageMetadata& metada
   count("spillway:seed", metadata.seed);
   count("spillway:epochs", metadata.epochs);
   spec.attribute("spillway:frame_key", metadata.frame_key);
+  spec.attribute("spillway:ended_by", metadata.ended_by);
   spec.attribute("spillway:faults", film.faults().any() ? "some" : "none");
   if (!options.half_buffers) return;
   count("spillway:half_a_spp", film.half_samples(0));

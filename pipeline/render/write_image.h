@@ -29,7 +29,8 @@ struct ImageMetadata {
   uint32_t max_depth = 0;
   uint32_t seed = 0;
   uint32_t epochs = 0;  // closed ones
-  std::string frame_key{};  // see render_image.h; with spp and faults, by which a finished frame is known
+  std::string frame_key{};  // see render_image.h; with spp, ended_by and faults, by which a finished frame is known
+  std::string ended_by{};   // RenderEnd
 };
 
 struct WriteImageOptions {

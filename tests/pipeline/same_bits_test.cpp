@@ -353,7 +353,7 @@ TEST_F(SameBits, a_render_that_is_stopped_equals_one_of_as_many_samples) {
   int waves = 0;
   o.on_progress = [&](const RenderProgress&) { stop = ++waves >= 10; };
   const RenderedImage stopped = render(o, 2);
-  EXPECT_TRUE(stopped.report.stopped_early);
+  EXPECT_TRUE(stopped.report.stopped_early());
   const uint32_t samples = stopped.report.samples_per_pixel;
   EXPECT_GT(samples, 0u);
   EXPECT_LT(samples, 64u);
