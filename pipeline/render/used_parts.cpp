@@ -16,6 +16,7 @@ void add_stages(const RenderReport& r, Parts& parts) {
   stage("track_media", r.track.segment_count);
   stage("route_hits", r.route.hit_count + r.route.escaped_count + r.route.arrived_count + r.route.occluded_count);
   stage("shade_hits", r.shade.shaded_count);
+  stage("sweep_attributes", r.shade.attribute_blocks_touched);
   stage("let_through_alpha", r.shade.let_through_count);
 }
 
@@ -23,7 +24,7 @@ void add_caches(const RenderReport& r, Parts& parts) {
   uint64_t image_lookups = 0, face_lookups = 0;
   for (const TextureReport& t : r.by_texture) (t.is_face_texture ? face_lookups : image_lookups) += t.counters.lookups;
   parts.push_back({"caches", "pages", r.trace.work.pages});
-  parts.push_back({"caches", "attributes", r.shade.attribute_blocks_touched});
+  parts.push_back({"caches", "attributes", r.memory[static_cast<size_t>(MemoryTag::attributes)].peak_bytes});
   parts.push_back({"caches", "image_tiles", image_lookups});
   parts.push_back({"caches", "face_tiles", face_lookups});
   parts.push_back({"caches", "bricks", r.memory[static_cast<size_t>(MemoryTag::volumes)].peak_bytes});
