@@ -17,7 +17,7 @@ void add_stages(const RenderReport& r, Parts& parts) {
   stage("route_hits", r.route.hit_count + r.route.escaped_count + r.route.arrived_count + r.route.occluded_count);
   stage("shade_hits", r.shade.shaded_count);
   stage("sweep_attributes", r.shade.attribute_blocks_touched);
-  stage("let_through_alpha", r.shade.let_through_count);
+  stage("let_through", r.shade.let_through_count);
 }
 
 void add_caches(const RenderReport& r, Parts& parts) {
