@@ -34,7 +34,7 @@ struct RenderArguments {
   int max_depth = -1, light_selection = -1;
   uint64_t wave_paths = 0;
   double time_limit = 0, error = 0;
-  bool has_seed = false, independent = false, aovs = false, halves = false, direct = false, no_sort_rays = false,
+  bool has_seed = false, independent = false, aovs = false, halves = false, costs = false, direct = false, no_sort_rays = false,
        json = false;
   bool no_read_ahead = false, no_resident_first = false, no_top_up = false;
   uint32_t hit_batch = 0;
@@ -94,6 +94,7 @@ Result<RenderOptions> render_options(const RenderArguments& arguments, const Sto
   options.settings = store.settings();
   SPILLWAY_TRY(override_settings(arguments, options.settings));
   options.aov_layers = arguments.aovs;
+  options.cost_layers = arguments.costs;
   options.plan.wave_paths = arguments.wave_paths;
   options.plan.spill = arguments.spill == "always" ? 1 : arguments.spill == "never" ? 0 : -1;
   options.sort_rays = !arguments.no_sort_rays;
@@ -140,7 +141,7 @@ class Progress {
 // The program's version and the channels that it adds are part of what a finished picture is.
 std::string frame_key(const RenderArguments& arguments, const Store& store, const RenderOptions& options) {
   return fmt::format("{} {}{}{}", pipeline::frame_key(store, options), SPILLWAY_VERSION,
-                     arguments.halves ? " halves" : "",
+                     fmt::format("{}{}", arguments.halves ? " halves" : "", arguments.costs ? " costs" : ""),
                      arguments.error > 0 ? fmt::format(" error {:a}", arguments.error) : "");
 }
 
@@ -151,7 +152,7 @@ Status write_picture(const RenderArguments& arguments, const Store& store, const
                                options.settings.render.max_depth, options.settings.render.seed,
                                image.report.epoch_count, frame_key(arguments, store, options),
                                name(image.report.ended_by)};
-  return write_exr(*image.film, output, metadata, {.half_buffers = arguments.halves});
+  return write_exr(*image.film, output, metadata, {.costs = image.costs.get(), .half_buffers = arguments.halves});
 }
 
 // Bad endings are known before the hours of rendering, not after.
@@ -263,6 +264,9 @@ void add_meaning(CLI::App& command, RenderArguments& a) {
   add_choice(command, "--light-selection", a.light_selection, kSelections,
              "how lights are chosen: noise differs [the scene's, or tree]");
   command.add_flag("--aov", a.aovs, "depth, normal, albedo and id layers");
+  command.add_flag("--cost-layers", a.costs,
+                   "layers of what each pixel cost: tree steps, pages waited for, lookups, scatterings, rays; and the "
+                   "dearest meshes and textures in the report");
 }
 
 void add_performance(CLI::App& command, RenderArguments& a) {

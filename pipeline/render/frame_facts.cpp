@@ -62,6 +62,10 @@ SceneFacts scene_facts(const Store& store, const RenderOptions& options) {
   for (const MemoryTag tag : {MemoryTag::scene, MemoryTag::page_tree, MemoryTag::lights, MemoryTag::trace_log})
     facts.table_bytes += memory_use(tag).current_bytes;  // held since the store was opened
   facts.film_bytes = Film::bytes(film_shape(options.settings, options.aov_layers));
+  if (options.cost_layers) {
+    facts.film_bytes += PixelCosts::bytes(film_shape(options.settings, options.aov_layers), store.meshes().size());
+    facts.has_costs = 1;
+  }
   facts.pixel_count = pixel_window(options.settings).pixel_count();
   facts.samples_per_pixel = options.settings.render.samples_per_pixel;
   facts.max_depth = std::min(options.settings.render.max_depth, kMostBounces);

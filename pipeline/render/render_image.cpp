@@ -196,6 +196,11 @@ class RenderLoop {
       trace_options.access = &log->wave();
       trace_options.camera_rays_from = path_count - report.generated_count;  // they were added last
     }
+    if (state_.costs) {
+      ray_costs_.renew(MemoryTag::rays, path_count + shadow_count), ray_costs_.set_size(path_count + shadow_count);
+      std::fill(ray_costs_.begin(), ray_costs_.end(), RayCost{});
+      trace_options.costs = ray_costs_;
+    }
     TraceRaysReport traced;
     SPILLWAY_TRY(trace_rays(state_.store.page_tree(), *state_.pages,
                             {wave.paths.hot, wave.shadows.hot, path_hits_, shadow_hits_, order_}, trace_options, traced));
@@ -221,10 +226,13 @@ class RenderLoop {
 
   Status route_wave(Wave& wave, cache::ExternalSort<HitRecord>& hits, WaveReport& report) {
     const StageTimer timer("route_hits", report.route_seconds);
-    SPILLWAY_TRY(route_hits(state_.inputs.settings,
-                            {wave.paths.hot, path_hits_, &wave.paths.cold, track_scratch_.path_results},
-                            {wave.shadows.hot, shadow_hits_, &wave.shadows.cold, track_scratch_.shadow_results}, hits,
-                            *state_.film, route_scratch_, report_.route, state_.options.hit_batch_rays));
+    const std::span<const RayCost> costs = ray_costs_;
+    const size_t path_costs = costs.empty() ? 0 : wave.paths.hot.size();
+    SPILLWAY_TRY(route_hits(
+        state_.inputs.settings,
+        {wave.paths.hot, path_hits_, &wave.paths.cold, track_scratch_.path_results, costs.first(path_costs)},
+        {wave.shadows.hot, shadow_hits_, &wave.shadows.cold, track_scratch_.shadow_results, costs.subspan(path_costs)},
+        hits, *state_.film, route_scratch_, report_.route, state_.options.hit_batch_rays, state_.costs.get()));
     if (state_.plan.spills) order_ = {}, path_hits_ = {}, shadow_hits_ = {};
     return {};
   }
@@ -313,6 +321,7 @@ class RenderLoop {
   SortRaysScratch sort_scratch_;
   Buffer<uint32_t> order_;
   Buffer<cache::TraceHit> path_hits_, shadow_hits_;
+  Buffer<RayCost> ray_costs_;  // paths, then shadow rays; none when nobody asks
   cache::ExternalSort<HitRecord> hits_;
   TrackMediaScratch track_scratch_;
   RouteHitsScratch route_scratch_;
@@ -355,7 +364,7 @@ Result<RenderedImage> RenderSession::render(const shading::Camera& camera) {
   const Status rendered = RenderLoop(state, image.report).run();
   if (rendered) fill_report(state, before, image.report);
   if (rendered && state.options.access_log) fill_log(state, image.report);
-  image.film = std::move(state.film);
+  image.film = std::move(state.film), image.costs = std::move(state.costs);
   SPILLWAY_TRY(rendered);
   return image;
 }

@@ -122,6 +122,23 @@ void add_parts(const RenderReport& r, json& report) {
       report["left_out"][part.kind].push_back(part.name);
 }
 
+void add_costs(const RenderReport& r, json& report) {
+  for (const NamedCost& cost : r.costs) report["costs"]["total"][cost.name] = cost.count;
+  for (const NamedCost& mesh : r.dearest_meshes)
+    report["costs"]["meshes"].push_back({{"name", mesh.name}, {"scatterings", mesh.count}});
+  for (const NamedCost& texture : r.dearest_textures)
+    report["costs"]["textures"].push_back({{"name", texture.name}, {"lookups", texture.count}});
+}
+
+std::string costs_lines(const RenderReport& r) {
+  std::string lines = r.costs.empty() ? "" : "costs\n";
+  for (const NamedCost& cost : r.costs) lines += fmt::format("  {:<16} {:>14}\n", cost.name, cost.count);
+  for (const NamedCost& mesh : r.dearest_meshes)
+    lines += fmt::format("  mesh {}: {} scatterings\n", mesh.name, mesh.count);
+  for (const NamedCost& t : r.dearest_textures) lines += fmt::format("  texture {}: {} lookups\n", t.name, t.count);
+  return lines;
+}
+
 std::string left_out_line(const RenderReport& r) {
   std::string line = "left out\n ";
   for (const UsedPart& part : r.parts)
@@ -207,6 +224,7 @@ std::string report_json(const RenderReport& r, const std::string& scene) {
                  {"io", io_json(r)},
                  {"waves", waves}};
   add_parts(r, report);
+  add_costs(r, report);
   if (r.has_media) {
     report["stages"]["track_media"] = track_json(r);
     report["volumes"] = parts_json(r.volumes);
@@ -254,7 +272,7 @@ std::string report_table(const RenderReport& r) {
                         bytes_text(r.texture_budget_bytes));
   text += fmt::format("spilled\n  {} written, {} of scratch at most\n", bytes_text(r.spilled_bytes),
                       bytes_text(r.scratch_peak_bytes));
-  text += left_out_line(r) + "memory, peak\n";
+  text += costs_lines(r) + left_out_line(r) + "memory, peak\n";
   for (int i = 0; i < kMemoryTagCount; ++i)
     if (r.memory[i].peak_bytes > 0)
       text += fmt::format("  {:<14} {:>10}\n", name(static_cast<MemoryTag>(i)), bytes_text(r.memory[i].peak_bytes));

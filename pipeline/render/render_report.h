@@ -46,6 +46,11 @@ struct UsedPart {
   uint64_t count;
 };
 
+struct NamedCost {
+  std::string name;
+  uint64_t count;
+};
+
 struct RenderReport {
   Plan plan;
   std::array<uint32_t, 2> half_samples = {0, 0};
@@ -68,6 +73,9 @@ struct RenderReport {
   std::vector<TextureReport> by_texture;  // images, then face textures
   uint64_t texture_budget_bytes = 0;     // the budget that would keep tiles from being read again; 0: few are
   bool has_textures = false;
+  std::vector<NamedCost> costs;           // totals of the cost layers, when they were asked for;
+  std::vector<NamedCost> dearest_meshes;  // number and name, scatterings: ten at most
+  std::vector<NamedCost> dearest_textures;  // by lookups: ten at most
   std::vector<UsedPart> parts;            // all there are: see used_parts.h
   uint64_t spilled_bytes = 0, scratch_peak_bytes = 0;
   bool direct_io = false;

@@ -41,6 +41,7 @@ void add_columns(const RenderState& state, const RenderReport& r, Parts& parts) 
     parts.push_back({"columns", name, Film::bytes(shape) - beauty});
   };
   layer("depth", kLayerDepth), layer("normal", kLayerNormal), layer("albedo", kLayerAlbedo), layer("ids", kLayerIds);
+  parts.push_back({"columns", "costs", state.costs ? state.costs->total(Cost::rays) : 0});
   parts.push_back({"columns", "shadow_rays", r.shade.shadow_count});
   parts.push_back({"columns", "spilled", r.spilled_bytes});
   parts.push_back({"columns", "access_log", state.options.access_log ? state.options.access_log->waves.size() : 0});

@@ -17,6 +17,7 @@
 
 #include "cache/base/result.h"
 #include "pipeline/render/film.h"
+#include "pipeline/render/pixel_costs.h"
 
 namespace spillway::pipeline {
 
@@ -35,6 +36,7 @@ struct ImageMetadata {
 
 struct WriteImageOptions {
   bool half_float = false;    // R, G, B as 16-bit floats (values beyond 65504 become 65504); else 32-bit
+  const PixelCosts* costs = nullptr;  // cost.<name>: counts of a sample, float
   bool half_buffers = false;  // halfA, halfB: for error estimates and `spillway compare`
 };
 

@@ -78,7 +78,7 @@ class UsedParts : public testing::Test {
 const std::string UsedParts::kAll =
     kAlways +
     "stages.track_media stages.let_through caches.image_tiles caches.face_tiles caches.bricks "
-    "columns.depth columns.normal columns.albedo columns.ids columns.spilled columns.access_log tables.lights "
+    "columns.depth columns.normal columns.albedo columns.ids columns.costs columns.spilled columns.access_log tables.lights "
     "tables.instances tables.textures tables.images tables.face_textures tables.light_tree tables.emitters tables.emissions "
     "tables.environment tables.portals tables.motions tables.media tables.bricks";
 
@@ -121,6 +121,7 @@ TEST_F(UsedParts, of_gas_and_of_face_textures) {
 // Options bring their columns, and nothing else.
 TEST_F(UsedParts, of_what_was_asked_for) {
   expect(kTwins + "spot.pbrt", kLight + " columns.depth columns.normal columns.albedo columns.ids", "--aov");
+  expect(kTwins + "spot.pbrt", kLight + " columns.costs", "--cost-layers");
   expect(kTwins + "spot.pbrt", kLight + " columns.access_log",
          "--access-log " + (directory_.path() / "a.access").string());
   expect(kTwins + "spot.pbrt", kLight + " columns.spilled", "--spill always --wave-paths 999");
