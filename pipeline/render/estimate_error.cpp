@@ -9,7 +9,8 @@
 namespace spillway::pipeline {
 namespace {
 
-// One-sided 95 % of a normal distribution, times the root of two: two independent values, the picture's and its estimate's.
+// One-sided 95 % of a normal distribution, times the root of two: two independent values, the picture's and its
+// estimate's.
 constexpr double kBoundDeviations = 1.645 * 1.41421356;
 constexpr size_t kBlockRows = 16;
 
@@ -52,7 +53,8 @@ class Means {
 
 // Relative squared error of a pixel, mean of its channels.
 double pixel_error(const Film& film, const Means& means, uint32_t x, uint32_t y, double share_product) {
-  const Rgb a = film.half_pixel(0, x, y), b = film.half_pixel(1, x, y), mean = means.at(x, y), around = means.around(x, y);
+  const Rgb a = film.half_pixel(0, x, y), b = film.half_pixel(1, x, y), mean = means.at(x, y),
+            around = means.around(x, y);
   double sum = 0;
   for (int c = 0; c < 3; ++c) {
     const double difference = double{channel(a, c)} - channel(b, c);
@@ -84,8 +86,8 @@ std::optional<ErrorEstimate> estimate_error(const Film& film) {
   const FilmWindow& w = film.shape().window;
   std::vector<Sums> blocks(block_count(w.height(), kBlockRows));
   parallel_blocks(w.height(), kBlockRows, [&](size_t block, size_t first, size_t last) {
-    blocks[block] = sum_rows(film, w.y0 + static_cast<uint32_t>(first), w.y0 + static_cast<uint32_t>(last),
-                             share * (1 - share));
+    blocks[block] =
+        sum_rows(film, w.y0 + static_cast<uint32_t>(first), w.y0 + static_cast<uint32_t>(last), share * (1 - share));
   });
   Sums sums;
   for (const Sums& block : blocks) sums.errors += block.errors, sums.squares += block.squares;

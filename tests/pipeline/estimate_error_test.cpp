@@ -52,8 +52,8 @@ TEST(EstimateError, is_nothing_while_a_half_has_no_samples) {
   EXPECT_FALSE(estimate_error(film));
 }
 
-// Normal noise of 10 % on a ramp: the estimate is right within 10 %, and the picture's own error is below the bound in 95 of
-// 100 pictures, less four standard deviations of that count.
+// Normal noise of 10 % on a ramp: the estimate is right within 10 %, and the picture's own error is below the bound in
+// 95 of 100 pictures, less four standard deviations of that count.
 TEST(EstimateError, of_normal_noise_is_its_variance_and_the_bound_holds) {
   std::mt19937 engine(1);
   std::normal_distribution<float> normal;

@@ -91,7 +91,8 @@ TEST_P(PixelCostsTest, are_the_same_for_any_number_of_threads_in_and_out_of_core
   o.read_ahead = false;
   const RenderedImage paged = render(o);
   for (const int threads : {1, 7}) expect_same(render(o, threads), paged, all);
-  EXPECT_GT(paged.costs->total(Cost::pages_waited), 2 * whole.costs->total(Cost::pages_waited));  // the first wave reads
+  EXPECT_GT(paged.costs->total(Cost::pages_waited),
+            2 * whole.costs->total(Cost::pages_waited));  // the first wave reads
   EXPECT_LE(paged.costs->total(Cost::pages_waited), paged.report.trace.pair_count);
   EXPECT_EQ(paged.report.image_hash, whole.report.image_hash);
 }

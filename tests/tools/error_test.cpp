@@ -20,8 +20,9 @@ class RenderError : public testing::Test {
  protected:
   // The exit code; what was said is in said.txt.
   int render(const std::string& scene, const std::string& more) const {
-    const std::string command = fmt::format("cd {} && " SPILLWAY_PROGRAM " render {} {} --report r.json -q {} > said.txt 2>&1",
-                                            folder_.string(), scene, more.find("-o ") == std::string::npos ? "-o out.exr" : "", more);
+    const std::string command =
+        fmt::format("cd {} && " SPILLWAY_PROGRAM " render {} {} --report r.json -q {} > said.txt 2>&1",
+                    folder_.string(), scene, more.find("-o ") == std::string::npos ? "-o out.exr" : "", more);
     const int status = std::system(command.c_str());
     return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
   }

@@ -78,18 +78,31 @@ class UsedParts : public testing::Test {
 const std::string UsedParts::kAll =
     kAlways +
     "stages.track_media stages.let_through caches.image_tiles caches.face_tiles caches.bricks "
-    "columns.depth columns.normal columns.albedo columns.ids columns.costs columns.spilled columns.access_log tables.lights "
-    "tables.instances tables.textures tables.images tables.face_textures tables.light_tree tables.emitters tables.emissions "
+    "columns.depth columns.normal columns.albedo columns.ids columns.costs columns.spilled columns.access_log "
+    "tables.lights "
+    "tables.instances tables.textures tables.images tables.face_textures tables.light_tree tables.emitters "
+    "tables.emissions "
     "tables.environment tables.portals tables.motions tables.media tables.bricks";
 
 TEST_F(UsedParts, of_the_twins) {
-  const std::map<std::string, std::string> besides = {
-      {"box", kLamp}, {"bulb", kLamp + " tables.light_tree"}, {"bulb_point", kLight}, {"glass", kLamp + kLight},
-      {"globe", kLamp + kLight + kImage}, {"instances", kLamp + kLight + " tables.instances"},
-      {"lamps", kLamp + " tables.instances tables.light_tree"}, {"lens", kLamp + kLight}, {"mirror", kLamp},
-      {"motion", kLamp + kLight + " tables.instances tables.motions"}, {"orthographic", kLamp + kLight},
-      {"plastic", kLamp + kLight}, {"quadrics", kLamp + kLight + " tables.light_tree"}, {"sky", kLight},
-      {"spot", kLight}, {"sun", kLight}, {"texture", kLamp + kLight + kImage}, {"thin_glass", kLamp + kLight}};
+  const std::map<std::string, std::string> besides = {{"box", kLamp},
+                                                      {"bulb", kLamp + " tables.light_tree"},
+                                                      {"bulb_point", kLight},
+                                                      {"glass", kLamp + kLight},
+                                                      {"globe", kLamp + kLight + kImage},
+                                                      {"instances", kLamp + kLight + " tables.instances"},
+                                                      {"lamps", kLamp + " tables.instances tables.light_tree"},
+                                                      {"lens", kLamp + kLight},
+                                                      {"mirror", kLamp},
+                                                      {"motion", kLamp + kLight + " tables.instances tables.motions"},
+                                                      {"orthographic", kLamp + kLight},
+                                                      {"plastic", kLamp + kLight},
+                                                      {"quadrics", kLamp + kLight + " tables.light_tree"},
+                                                      {"sky", kLight},
+                                                      {"spot", kLight},
+                                                      {"sun", kLight},
+                                                      {"texture", kLamp + kLight + kImage},
+                                                      {"thin_glass", kLamp + kLight}};
   std::set<std::string> twins, listed;
   for (const auto& entry : fs::directory_iterator(kTwins))
     if (entry.path().extension() == ".pbrt") twins.insert(entry.path().stem());
@@ -126,7 +139,6 @@ TEST_F(UsedParts, of_what_was_asked_for) {
          "--access-log " + (directory_.path() / "a.access").string());
   expect(kTwins + "spot.pbrt", kLight + " columns.spilled", "--spill always --wave-paths 999");
 }
-
 
 }  // namespace
 }  // namespace spillway::tools
