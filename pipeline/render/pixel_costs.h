@@ -4,8 +4,7 @@
 //
 // Owns: its counters. Made only when they are asked for. Memory: tag film, exactly bytes().
 // Threads: add...() from any number of threads at once; everything else while nobody adds.
-// Order: sums of integers. Lookups, scatterings and rays are the paths' own: the same for any memory, threads, waves
-// and
+// Order: sums of integers. Lookups, scatterings and rays are the paths' own: the same for any memory, threads, waves,
 //        layout. Steps and waits are what tracing did: the same for any number of threads, but more or less of them
 //        with other waves, budgets or pages, for a ray shortened early looks at less.
 // Tiles missed are not here: which of two threads that want a tile reads it is chance. The report counts those that are

@@ -107,6 +107,29 @@ TEST_P(PixelCostsTest, of_paths_are_the_same_for_any_waves_and_memory) {
   expect_same(render(o), whole, {Cost::tree_steps, Cost::texture_lookups, Cost::scatterings, Cost::rays});
 }
 
+// When all is in memory, as in a session's second frame, a ray's steps are its own too.
+TEST_P(PixelCostsTest, of_a_crop_are_those_of_its_pixels) {
+  const auto second_frame = [&](const RenderOptions& o) {
+    return on_threads(2, [&] {
+      auto session = RenderSession::open(*store_, o);
+      EXPECT_TRUE(session && session->render(o.settings.camera));
+      auto image = session->render(o.settings.camera);
+      EXPECT_TRUE(image);
+      return std::move(*image);
+    });
+  };
+  const RenderedImage whole = second_frame(options_);
+  EXPECT_EQ(whole.costs->total(Cost::pages_waited), 0u);
+  RenderOptions o = options_;
+  o.settings.film = {11, 9, 33, 20, 1};
+  const RenderedImage crop = second_frame(o);
+  for (uint32_t c = 0; c < kCostCount; ++c)
+    for (uint32_t y = 9; y < 20; ++y)
+      for (uint32_t x = 11; x < 33; ++x)
+        ASSERT_EQ(crop.costs->at(x, y, static_cast<Cost>(c)), whole.costs->at(x, y, static_cast<Cost>(c)))
+            << name(static_cast<Cost>(c)) << ' ' << x << ' ' << y;
+}
+
 INSTANTIATE_TEST_SUITE_P(Scenes, PixelCostsTest, testing::Values(false, true),
                          [](const auto& p) { return p.param ? "media" : "surfaces"; });
 
