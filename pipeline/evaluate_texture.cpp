@@ -188,7 +188,7 @@ cache::Texel image_value(const TextureNode& node, cache::Texel texel) {
 Status TextureEvaluator::evaluate(std::span<const TextureQuery> queries, std::span<cache::Texel> values,
                                   Scratch& scratch) const {
   scratch.requests.clear(), scratch.face_requests.clear();
-  for (const TextureQuery& query : queries) collect(query.texture, query, scratch);
+  for (const TextureQuery& query : queries) collect_and_count(query, scratch);
   scratch.texels.resize(scratch.requests.size());
   if (!scratch.requests.empty()) SPILLWAY_TRY(images_->look_up(scratch.requests, scratch.texels));
   if (!scratch.face_requests.empty()) {
@@ -198,6 +198,14 @@ Status TextureEvaluator::evaluate(std::span<const TextureQuery> queries, std::sp
   Texels next{scratch.texels.data(), scratch.face_texels.data()};
   for (size_t i = 0; i < queries.size(); ++i) values[i] = combine(queries[i].texture, queries[i], next);
   return {};
+}
+
+void TextureEvaluator::collect_and_count(const TextureQuery& query, Scratch& scratch) const {
+  const size_t before = scratch.lookup_count();
+  collect(query.texture, query, scratch);
+  if (scratch.tally.counts.empty()) return;
+  scratch.tally.counts[static_cast<size_t>(query.point - scratch.tally.points)] +=
+      static_cast<uint32_t>(scratch.lookup_count() - before);
 }
 
 // Image lookups of a node, in the order in which combine() takes their texels.

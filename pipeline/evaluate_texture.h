@@ -31,6 +31,12 @@ struct TextureQuery {
 // The textures of a material's own parameters whose graphs have face textures.
 [[nodiscard]] std::vector<uint32_t> face_texture_params(const Material& material, std::span<const TextureNode> nodes);
 
+// Counts lookups by the point they are made for. Empty: nobody asks.
+struct LookupTally {
+  const ShadingPoint* points = nullptr;  // all queries' points are among these
+  std::span<uint32_t> counts = {};
+};
+
 class TextureEvaluator {
  public:
   // `images` may be null when no node is an image. Nodes have been validated: children before parents.
@@ -41,6 +47,8 @@ class TextureEvaluator {
     std::vector<cache::TextureRequest> requests;
     std::vector<cache::FaceTextureRequest> face_requests;
     std::vector<cache::Texel> texels, face_texels;
+    LookupTally tally;
+    [[nodiscard]] size_t lookup_count() const { return requests.size() + face_requests.size(); }
   };
   Status evaluate(std::span<const TextureQuery> queries, std::span<cache::Texel> values, Scratch& scratch) const;
 
@@ -54,6 +62,7 @@ class TextureEvaluator {
   struct Texels {
     const cache::Texel *image, *face;
   };
+  void collect_and_count(const TextureQuery& query, Scratch& scratch) const;
   void collect(uint32_t node, const TextureQuery& query, Scratch& scratch) const;
   cache::Texel combine(uint32_t node, const TextureQuery& query, Texels& next) const;
 

@@ -15,6 +15,15 @@ CLI::Validator positive() {
   return {check, "POSITIVE"};
 }
 
+CLI::Validator fraction() {
+  const auto check = [](const std::string& text) {
+    double number = 0;
+    const bool read = CLI::detail::lexical_cast(text, number);
+    return read && number > 0 && number <= 1 ? std::string() : text + " is not a number above 0 and at most 1";
+  };
+  return {check, "FRACTION"};
+}
+
 void refuse_option(const std::string& name, const std::string& message) { throw CLI::ValidationError(name, message); }
 
 int fail(const std::string& message, int code) {

@@ -32,6 +32,8 @@ void add_convert_command(CLI::App& app, int& exit_code);
 
 // A finite number above 0: CLI::PositiveNumber takes nan.
 [[nodiscard]] CLI::Validator positive();
+// The same, and at most 1.
+[[nodiscard]] CLI::Validator fraction();
 
 // Thrown to CLI11: the text of an option makes no sense, which ends with kExitUsage.
 [[noreturn]] void refuse_option(const std::string& name, const std::string& message);

@@ -40,13 +40,15 @@ ordered_json to_json(const PictureComparison& c) {
         {"relative_deviation", c.blocks.relative_deviation}}},
       {"differing_pixels", c.differing_pixels},
       {"not_finite_pixels", c.not_finite_pixels}};
+  if (c.reference_noise) json["reference_noise_rel_mse"] = *c.reference_noise;
   if (c.equality) json["statistical"] = to_json(*c.equality);
   return json;
 }
 
 void print_table(const PictureComparison& c, int block_size) {
   const auto line = [](const char* what, const std::string& value) { fmt::print("{:<20}{}\n", what, value); };
-  line("relMSE", fmt::format("{:.6g}", c.rel_mse));
+  line("relMSE", fmt::format("{:.6g}, a relative error of {:.4f}", c.rel_mse, std::sqrt(c.rel_mse)));
+  if (c.reference_noise) line("", fmt::format("{:.3g} of it is the reference's own noise", *c.reference_noise));
   line("MSE", fmt::format("{:.6g}", c.mse));
   line("mean ratio", fmt::format("{:.6f}", c.mean_ratio));
   line("FLIP", fmt::format("{:.5f}", c.flip_mean));

@@ -23,6 +23,9 @@ using namespace pipeline;
 std::atomic<bool> stop_requested{false};
 extern "C" void request_stop(int) { stop_requested = true; }
 
+// A pixel, under --error where --spp says no other.
+constexpr uint32_t kMostSamplesToAnError = 1 << 16;
+
 // What the command line said.
 struct RenderArguments {
   OpenSceneOptions scene;
@@ -30,8 +33,8 @@ struct RenderArguments {
   uint32_t spp = 0, seed = 0, threads = 0;
   int max_depth = -1, light_selection = -1;
   uint64_t wave_paths = 0;
-  double time_limit = 0;
-  bool has_seed = false, independent = false, aovs = false, halves = false, direct = false, no_sort_rays = false,
+  double time_limit = 0, error = 0;
+  bool has_seed = false, independent = false, aovs = false, halves = false, costs = false, direct = false, no_sort_rays = false,
        json = false;
   bool no_read_ahead = false, no_resident_first = false, no_top_up = false;
   uint32_t hit_batch = 0;
@@ -61,6 +64,8 @@ void set_resolution(SceneSettings& settings, Resolution r) {
 }
 
 Status override_settings(const RenderArguments& arguments, SceneSettings& settings) {
+  // The scene's number is of pictures without a limit of their error: it would cut those with one short.
+  if (arguments.error > 0) settings.render.samples_per_pixel = kMostSamplesToAnError;
   if (arguments.spp != 0) settings.render.samples_per_pixel = arguments.spp;
   if (arguments.max_depth >= 0) settings.render.max_depth = static_cast<uint32_t>(arguments.max_depth);
   if (arguments.has_seed) settings.render.seed = arguments.seed;
@@ -89,6 +94,7 @@ Result<RenderOptions> render_options(const RenderArguments& arguments, const Sto
   options.settings = store.settings();
   SPILLWAY_TRY(override_settings(arguments, options.settings));
   options.aov_layers = arguments.aovs;
+  options.cost_layers = arguments.costs;
   options.plan.wave_paths = arguments.wave_paths;
   options.plan.spill = arguments.spill == "always" ? 1 : arguments.spill == "never" ? 0 : -1;
   options.sort_rays = !arguments.no_sort_rays;
@@ -99,6 +105,7 @@ Result<RenderOptions> render_options(const RenderArguments& arguments, const Sto
   options.direct_io = arguments.direct;
   options.scratch_directory = arguments.scratch;
   options.time_limit_seconds = arguments.time_limit;
+  options.error = arguments.error;
   options.stop = &stop_requested;
   return options;
 }
@@ -133,7 +140,9 @@ class Progress {
 
 // The program's version and the channels that it adds are part of what a finished picture is.
 std::string frame_key(const RenderArguments& arguments, const Store& store, const RenderOptions& options) {
-  return fmt::format("{} {}{}", pipeline::frame_key(store, options), SPILLWAY_VERSION, arguments.halves ? " halves" : "");
+  return fmt::format("{} {}{}{}", pipeline::frame_key(store, options), SPILLWAY_VERSION,
+                     fmt::format("{}{}", arguments.halves ? " halves" : "", arguments.costs ? " costs" : ""),
+                     arguments.error > 0 ? fmt::format(" error {:a}", arguments.error) : "");
 }
 
 Status write_picture(const RenderArguments& arguments, const Store& store, const RenderOptions& options,
@@ -141,8 +150,9 @@ Status write_picture(const RenderArguments& arguments, const Store& store, const
   if (output.extension() == ".png") return write_png(*image.film, output);
   const ImageMetadata metadata{arguments.scene.scene.filename().string(), SPILLWAY_VERSION,
                                options.settings.render.max_depth, options.settings.render.seed,
-                               image.report.epoch_count, frame_key(arguments, store, options)};
-  return write_exr(*image.film, output, metadata, {.half_buffers = arguments.halves});
+                               image.report.epoch_count, frame_key(arguments, store, options),
+                               name(image.report.ended_by)};
+  return write_exr(*image.film, output, metadata, {.costs = image.costs.get(), .half_buffers = arguments.halves});
 }
 
 // Bad endings are known before the hours of rendering, not after.
@@ -211,7 +221,7 @@ Result<int> render(const RenderArguments& arguments) {
                             faults.sink / width),
                 kExitBadValues);
   }
-  if (image.report.stopped_early && stop_requested) {
+  if (image.report.stopped_early() && stop_requested) {
     fail(fmt::format("interrupted: {} is whole with {} samples a pixel, the bits of --spp {}; another render begins anew",
                      arguments.output, image.report.samples_per_pixel, image.report.samples_per_pixel));
     return kExitInterrupted;
@@ -240,7 +250,7 @@ void add_scene_options(CLI::App& command, RenderArguments& a) {
 }
 
 void add_meaning(CLI::App& command, RenderArguments& a) {
-  command.add_option("--spp", a.spp, "samples a pixel [the scene's]")->check(CLI::Range(1u, 1u << 20));
+  command.add_option("--spp", a.spp, "samples a pixel [the scene's]")->check(CLI::Range(1u, 2 * kMaxHalfSamples));
   command.add_option("--max-depth", a.max_depth, "bounces [the scene's]")->check(CLI::Range(0, 10000));
   add_parsed(command, "--resolution", a.resolution, parse_resolution, "WIDTHxHEIGHT [the scene's]");
   add_parsed(command, "--crop", a.crop, parse_crop, "x0,y0,x1,y1 in pixels; the same bits as in the full frame");
@@ -254,6 +264,9 @@ void add_meaning(CLI::App& command, RenderArguments& a) {
   add_choice(command, "--light-selection", a.light_selection, kSelections,
              "how lights are chosen: noise differs [the scene's, or tree]");
   command.add_flag("--aov", a.aovs, "depth, normal, albedo and id layers");
+  command.add_flag("--cost-layers", a.costs,
+                   "layers of what each pixel cost: tree steps, pages waited for, lookups, scatterings, rays; and the "
+                   "dearest meshes and textures in the report");
 }
 
 void add_performance(CLI::App& command, RenderArguments& a) {
@@ -293,6 +306,10 @@ void add_render_command(CLI::App& app, int& exit_code) {
   add_performance(*command, a);
   command->add_option("--time-limit", a.time_limit, "seconds; stops at the next whole epoch, equal to --spp k")
       ->check(positive());
+  command->add_option("--error", a.error,
+                      "stops at the first whole epoch whose relative error, the root of what compare calls relMSE, is "
+                      "estimated to be below this with 95 %, equal to --spp k; --spp is then the most [65536]")
+      ->check(fraction());
   command->add_option("--report", a.report, "write what the render did as JSON");
   command->add_option("--access-log", a.access_log, "write which pages each wave needed and read, for `whatif`");
   command->add_option("--trace", a.trace, "write stages, waves and reads in Chrome's trace format");

@@ -67,7 +67,8 @@ std::optional<FrameOutcome> finished(const std::filesystem::path& output, const 
   }
   const OIIO::ImageSpec& spec = input->spec();
   const auto got = static_cast<uint32_t>(spec.get_int_attribute("spillway:spp"));
-  if (spec.get_string_attribute("spillway:frame_key") != key || got != samples) return std::nullopt;
+  const bool is_whole = got == samples || spec.get_string_attribute("spillway:ended_by") == "error";
+  if (spec.get_string_attribute("spillway:frame_key") != key || !is_whole) return std::nullopt;
   return FrameOutcome{.frame = frame,
                       .end = FrameEnd::skipped,
                       .has_faults = spec.get_string_attribute("spillway:faults") != "none",
@@ -167,7 +168,7 @@ Result<FrameOutcome> Batch::render_frame(uint32_t frame, const RenderOptions& op
     SPILLWAY_ASSIGN(const std::filesystem::path path, frame_path(batch_.report, frame));
     SPILLWAY_TRY(write_text(path, report_json(report, store_.directory().string())));
   }
-  const bool interrupted = report.stopped_early && stopped();
+  const bool interrupted = report.stopped_early() && stopped();
   return FrameOutcome{
       .frame = frame,
       .end = interrupted ? FrameEnd::interrupted : FrameEnd::rendered,

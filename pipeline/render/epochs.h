@@ -17,7 +17,14 @@ struct EpochOptions {
   uint32_t samples_per_pixel = 16;  // of both halves; the first gets the odd one
   uint32_t largest_samples = 16;    // of an epoch; larger: fewer drained waves, later stops
   uint32_t smallest_samples = 1;    // of the first epoch of a half, a power of two: large waves starve on small ones
+  // Halves wait for each other after each epoch, so that both are whole and equal and can be looked at. Epochs are then
+  // kFirstCheckedSamples, and powers of two that add a third to a half of what a half has: sizes that no plan changes, so
+  // that a render stops at the same count for any budget.
+  bool checked = false;
 };
+
+// A half's samples at the first look: fewer do not tell of their error.
+inline constexpr uint32_t kFirstCheckedSamples = 8;
 
 struct Epoch {
   uint32_t half = 0;
@@ -36,13 +43,18 @@ class EpochSchedule {
   [[nodiscard]] bool any_open() const { return open_[0] || open_[1]; }
   [[nodiscard]] bool finished() const;
 
-  // No more samples than what makes both halves whole and equal: --time-limit, Ctrl-C.
+  // Both halves whole, equal and not empty: only then does a checked schedule open the next epochs.
+  [[nodiscard]] bool halves_are_equal() const;
+  // No more samples than what makes both halves whole and equal: --time-limit, --error, Ctrl-C.
   void stop_early();
   [[nodiscard]] std::array<uint32_t, 2> closed_samples() const { return closed_; }
   [[nodiscard]] std::array<uint32_t, 2> target_samples() const { return target_; }
   [[nodiscard]] uint32_t closed_epoch_count() const { return closed_epochs_; }
 
  private:
+  [[nodiscard]] bool may_open(uint32_t half) const;
+  [[nodiscard]] uint32_t next_count(uint32_t half) const;
+
   EpochOptions options_;
   std::array<uint32_t, 2> target_;
   std::array<uint32_t, 2> opened_;  // samples in epochs opened so far

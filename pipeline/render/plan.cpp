@@ -47,6 +47,8 @@ uint64_t swept_minimum(uint64_t total, uint64_t largest_part) { return std::min(
 
 // What media did to a path and its shadow ray.
 constexpr uint64_t kMediaBytesPerPath = 2 * 28;
+// What tracing a path and its shadow ray took, when pixel costs are counted.
+constexpr uint64_t kCostBytesPerPath = 2 * 8;
 // Runs of segments in grids that are not in memory: some hundred thousand at a time share a sweep.
 constexpr uint64_t kRunBytes = 64 * kMiB;
 
@@ -67,7 +69,7 @@ uint64_t fixed_bytes(const SceneFacts& f, const PlanOptions& o) {
 }
 
 uint64_t wave_bytes(const SceneFacts& f, uint64_t paths, bool spills) {
-  const uint64_t media = f.has_media ? paths * kMediaBytesPerPath : 0;
+  const uint64_t media = paths * ((f.has_media ? kMediaBytesPerPath : 0) + (f.has_costs ? kCostBytesPerPath : 0));
   // A spilled wave gives back what sorting took before it traces, and all but the rays before it shades.
   if (spills) return media + paths * (kHotBytesPerPath + kSpilledPairBytesPerPath) + kSpillBufferBytes + kSmallestHitSortBytes;
   return media + paths * (kHotBytesPerPath + kSortBytesPerPath + kPairBytesPerPath + kNextHotBytesPerPath + 2 * kColdBytesPerPath +

@@ -2,12 +2,13 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cmath>
 #include <optional>
 #include <utility>
 
 #include "cache/base/check.h"
-#include "cache/base/hash.h"
 #include "cache/trace_log.h"
+#include "pipeline/render/estimate_error.h"
 #include "pipeline/render/render_state.h"
 #include "pipeline/render/route_hits.h"
 #include "pipeline/render/shade_hits.h"
@@ -72,7 +73,8 @@ class RenderLoop {
         camera_rays_(settings_.camera, settings_.filter, pixel_window(settings_), settings_.render.seed,
                      settings_.render.sampler, ray_times(state.store, settings_), settings_.film.exposure_scale,
                      settings_.render.camera_medium),
-        schedule_({settings_.render.samples_per_pixel, state.plan.epoch_samples, state.plan.first_epoch_samples}),
+        schedule_({settings_.render.samples_per_pixel, state.plan.epoch_samples, state.plan.first_epoch_samples,
+                   state.options.error > 0}),
         hits_(stream_options(state, "hits", MemoryTag::hits, cache::IoPurpose::hits, state.plan.hit_bytes)) {}
 
   Status run() {
@@ -92,6 +94,7 @@ class RenderLoop {
       end_log(wave_report, report_.generate_seconds - generated_before);
       report_.waves.push_back(wave_report);
       close_epochs();
+      stop_at_error();
       stop_when_asked();
       tell_progress();
       log_counters();
@@ -100,6 +103,8 @@ class RenderLoop {
     report_.half_samples = schedule_.closed_samples();
     report_.samples_per_pixel = report_.half_samples[0] + report_.half_samples[1];
     report_.epoch_count = schedule_.closed_epoch_count();
+    report_.error_asked = state_.options.error;
+    report_.error = estimate_error(*state_.film);
     report_.seconds = seconds_since(start_);
     return {};
   }
@@ -175,6 +180,7 @@ class RenderLoop {
     SortRaysOptions sort_options;
     sort_options.enabled = state_.options.sort_rays;
     sort_rays(wave.paths.hot, wave.shadows.hot, settings_.statistics.bounds_world, order_, sort_options, sort_scratch_);
+    if (sort_options.enabled) report_.sorted_count += path_count + shadow_count;
     if (state_.plan.spills) sort_scratch_ = {};
   }
 
@@ -189,6 +195,11 @@ class RenderLoop {
     if (AccessLog* log = state_.options.access_log) {
       trace_options.access = &log->wave();
       trace_options.camera_rays_from = path_count - report.generated_count;  // they were added last
+    }
+    if (state_.costs) {
+      ray_costs_.renew(MemoryTag::rays, path_count + shadow_count), ray_costs_.set_size(path_count + shadow_count);
+      std::fill(ray_costs_.begin(), ray_costs_.end(), RayCost{});
+      trace_options.costs = ray_costs_;
     }
     TraceRaysReport traced;
     SPILLWAY_TRY(trace_rays(state_.store.page_tree(), *state_.pages,
@@ -215,10 +226,13 @@ class RenderLoop {
 
   Status route_wave(Wave& wave, cache::ExternalSort<HitRecord>& hits, WaveReport& report) {
     const StageTimer timer("route_hits", report.route_seconds);
-    SPILLWAY_TRY(route_hits(state_.inputs.settings,
-                            {wave.paths.hot, path_hits_, &wave.paths.cold, track_scratch_.path_results},
-                            {wave.shadows.hot, shadow_hits_, &wave.shadows.cold, track_scratch_.shadow_results}, hits,
-                            *state_.film, route_scratch_, report_.route, state_.options.hit_batch_rays));
+    const std::span<const RayCost> costs = ray_costs_;
+    const size_t path_costs = costs.empty() ? 0 : wave.paths.hot.size();
+    SPILLWAY_TRY(route_hits(
+        state_.inputs.settings,
+        {wave.paths.hot, path_hits_, &wave.paths.cold, track_scratch_.path_results, costs.first(path_costs)},
+        {wave.shadows.hot, shadow_hits_, &wave.shadows.cold, track_scratch_.shadow_results, costs.subspan(path_costs)},
+        hits, *state_.film, route_scratch_, report_.route, state_.options.hit_batch_rays, state_.costs.get()));
     if (state_.plan.spills) order_ = {}, path_hits_ = {}, shadow_hits_ = {};
     return {};
   }
@@ -251,21 +265,35 @@ class RenderLoop {
     }
   }
 
+  // Looks at the picture whenever its halves are whole and equal.
+  void stop_at_error() {
+    const double asked = state_.options.error;
+    if (asked <= 0 || report_.ended_by != RenderEnd::samples || !schedule_.halves_are_equal()) return;
+    const std::optional<ErrorEstimate> estimate = estimate_error(*state_.film);
+    const double bound = estimate->relative_error_bound(), samples = schedule_.closed_samples()[0] * 2.0;
+    expected_samples_ = samples * std::max(1.0, (bound / asked) * (bound / asked));  // it falls as 1 / sqrt at least
+    if (bound > asked) return;
+    schedule_.stop_early();
+    report_.ended_by = RenderEnd::error;
+  }
+
   void stop_when_asked() {
-    if (report_.stopped_early) return;
+    if (report_.ended_by != RenderEnd::samples) return;
     const double limit = state_.options.time_limit_seconds;
     const bool out_of_time = limit > 0 && seconds_since(start_) >= limit;
-    if (!out_of_time && !(state_.options.stop && state_.options.stop->load())) return;
+    const bool is_stopped = state_.options.stop && state_.options.stop->load();
+    if (!out_of_time && !is_stopped) return;
     schedule_.stop_early();
-    report_.stopped_early = true;
+    report_.ended_by = is_stopped ? RenderEnd::stop : RenderEnd::time;
   }
 
   void tell_progress() {
+    generated_total_ += report_.waves.back().generated_count;
     if (!state_.options.on_progress) return;
     const auto done = schedule_.closed_samples();
     const auto target = schedule_.target_samples();
-    const double wanted = static_cast<double>(pixel_window(settings_).pixel_count()) * (target[0] + target[1]);
-    generated_total_ += report_.waves.back().generated_count;
+    const double samples = std::min<double>(target[0] + target[1], expected_samples_);
+    const double wanted = static_cast<double>(pixel_window(settings_).pixel_count()) * samples;
     state_.options.on_progress(
         {std::min(1.0, static_cast<double>(generated_total_) / wanted), seconds_since(start_), done[0] + done[1]});
   }
@@ -286,12 +314,14 @@ class RenderLoop {
   EpochSchedule schedule_;
   uint32_t generating_half_ = 0;
   uint64_t generated_total_ = 0;
+  double expected_samples_ = INFINITY;  // a pixel, until the error that was asked for is reached
   std::array<uint64_t, 2> live_ = {0, 0};  // rays of each half's epoch on their way to the next wave
   Buffer<PathRecord> generated_{MemoryTag::paths, 1 << 14};
   // Kept from wave to wave; a spilled wave gives back what it does not need while shading.
   SortRaysScratch sort_scratch_;
   Buffer<uint32_t> order_;
   Buffer<cache::TraceHit> path_hits_, shadow_hits_;
+  Buffer<RayCost> ray_costs_;  // paths, then shadow rays; none when nobody asks
   cache::ExternalSort<HitRecord> hits_;
   TrackMediaScratch track_scratch_;
   RouteHitsScratch route_scratch_;
@@ -301,74 +331,6 @@ class RenderLoop {
 };
 
 }  // namespace
-
-FilmShape film_shape(const SceneSettings& settings, bool aov_layers) {
-  FilmShape shape;
-  shape.full_width = settings.camera.resolution_x_px;
-  shape.full_height = settings.camera.resolution_y_px;
-  const PixelWindow window = pixel_window(settings);
-  shape.window = {window.x0, window.y0, window.x1, window.y1};
-  shape.layers = aov_layers ? kAllLayers : 0;
-  return shape;
-}
-
-FilmIdentity film_identity(const Store& store, const SceneSettings& settings) {
-  RenderSettings render = settings.render;
-  render.samples_per_pixel = 0;  // films of different counts are parts of one image
-  uint64_t key = checksum(&settings.camera, sizeof settings.camera);
-  key = checksum(&settings.filter, sizeof settings.filter, key);
-  key = checksum(&settings.film.exposure_scale, sizeof settings.film.exposure_scale, key);
-  key = checksum(&render, sizeof render, key);
-  const auto add = [&](const auto& rows) { key = checksum(rows.data(), rows.size_bytes(), key); };
-  add(store.lights()), add(store.emitters()), add(store.emissions()), add(store.portals()), add(store.environment());
-  add(store.materials()), add(store.textures()), add(store.images()), add(store.face_textures());
-  add(store.meshes()), add(store.instances());
-  add(store.medium_tables().media), add(store.medium_tables().black_bodies);
-  if (!store.motions().empty()) {
-    key = checksum(&settings.motion, sizeof settings.motion, key);
-    add(store.motions());
-  }
-  return {key, fmt::format("gcc {}, glibc {}.{}", __VERSION__, __GLIBC__, __GLIBC_MINOR__)};
-}
-
-PixelWindow pixel_window(const SceneSettings& settings) {
-  const FilmSettings& film = settings.film;
-  if (film.crop_x1 > film.crop_x0) return {film.crop_x0, film.crop_y0, film.crop_x1, film.crop_y1};
-  return {0, 0, settings.camera.resolution_x_px, settings.camera.resolution_y_px};
-}
-
-SceneFacts scene_facts(const Store& store, const RenderOptions& options) {
-  SceneFacts facts;
-  for (const cache::PageLocation& page : store.pages()) {
-    facts.trace_bytes += page.size_bytes;
-    facts.largest_page_bytes = std::max(facts.largest_page_bytes, page.size_bytes);
-  }
-  for (const AttributeLocation& block : store.attributes()) {
-    facts.attribute_bytes += block.size_bytes;
-    facts.largest_attribute_block_bytes = std::max<uint64_t>(facts.largest_attribute_block_bytes, block.size_bytes);
-  }
-  facts.texture_bytes = cache::TextureCache::bytes_for_all(store.images(), store.face_containers());
-  facts.has_media = store.medium_tables().media.empty() ? 0 : 1;
-  for (const cache::VolumeBrickLocation& brick : store.medium_tables().volumes.bricks) {
-    facts.volume_bytes += brick.size_bytes;
-    facts.largest_brick_bytes = std::max(facts.largest_brick_bytes, brick.size_bytes);
-  }
-  for (const MemoryTag tag : {MemoryTag::scene, MemoryTag::page_tree, MemoryTag::lights, MemoryTag::trace_log})
-    facts.table_bytes += memory_use(tag).current_bytes;  // held since the store was opened
-  facts.film_bytes = Film::bytes(film_shape(options.settings, options.aov_layers));
-  facts.pixel_count = pixel_window(options.settings).pixel_count();
-  facts.samples_per_pixel = options.settings.render.samples_per_pixel;
-  facts.max_depth = std::min(options.settings.render.max_depth, kMostBounces);
-  return facts;
-}
-
-std::string frame_key(const Store& store, const RenderOptions& options) {
-  const uint64_t content = store.content_key();
-  uint64_t key = checksum(&content, sizeof content);
-  key = checksum(&options.settings, sizeof options.settings, key);
-  const std::string rest = fmt::format("{} {}", options.aov_layers, film_identity(store, options.settings).library_versions);
-  return fmt::format("{:016x}", checksum(rest.data(), rest.size(), key));
-}
 
 struct RenderSession::State {
   State(const Store& store, const RenderOptions& o) : options(o), render(store, options) {}
@@ -402,7 +364,7 @@ Result<RenderedImage> RenderSession::render(const shading::Camera& camera) {
   const Status rendered = RenderLoop(state, image.report).run();
   if (rendered) fill_report(state, before, image.report);
   if (rendered && state.options.access_log) fill_log(state, image.report);
-  image.film = std::move(state.film);
+  image.film = std::move(state.film), image.costs = std::move(state.costs);
   SPILLWAY_TRY(rendered);
   return image;
 }

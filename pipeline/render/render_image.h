@@ -13,6 +13,7 @@
 #include "pipeline/render/access_log.h"
 #include "pipeline/render/film.h"
 #include "pipeline/render/generate_rays.h"
+#include "pipeline/render/pixel_costs.h"
 #include "pipeline/render/plan.h"
 #include "pipeline/render/render_report.h"
 #include "pipeline/render/sort_rays.h"
@@ -36,6 +37,7 @@ struct RenderOptions {
   PlanOptions plan;                  // budget and shares
   bool sort_rays = true;             // off: rays are traced in the order they were made (ablation)
   uint32_t hit_batch_rays = 0;       // hits of so many rays are sorted together; 0: of the wave (ablation)
+  bool cost_layers = false;          // counts what each pixel costs, see pixel_costs.h; takes a few percent
   bool read_ahead = true;            // off: a page is read when the sweep comes to it (ablation)
   bool resident_first = true;        // off: resident pages are swept in file order with the others (ablation)
   bool top_up_waves = true;          // off: new paths begin when the last ones have ended (ablation)
@@ -48,12 +50,15 @@ struct RenderOptions {
   uint64_t scratch_limit_bytes = 0;  // 0: what the disk has
 
   double time_limit_seconds = 0;     // stops at the next epoch that leaves both halves whole; 0: none
+  double error = 0;                  // stops at the epoch whose ErrorEstimate's bound is no more; 0: none. The samples
+                                     // a pixel of the settings are then the most
   const std::atomic<bool>* stop = nullptr;  // the same, asked for from outside (Ctrl-C)
   std::function<void(const RenderProgress&)> on_progress;  // once a wave, on the calling thread
 };
 
 struct RenderedImage {
   std::unique_ptr<Film> film;
+  std::unique_ptr<PixelCosts> costs;  // when they were asked for
   RenderReport report;
 };
 

@@ -104,6 +104,56 @@ json track_json(const RenderReport& r) {
           {"bounded", r.track.bounded_count}};
 }
 
+json error_json(const RenderReport& r) {
+  json error = {{"asked", r.error_asked > 0 ? json(r.error_asked) : json()}};
+  if (!r.error) return error;
+  error["relative_error"] = r.error->relative_error(), error["bound"] = r.error->relative_error_bound();
+  error["rel_mse"] = r.error->rel_mse, error["rel_mse_standard_error"] = r.error->standard_error;
+  if (r.error_asked > 0) error["reached"] = r.error->relative_error_bound() <= r.error_asked;
+  return error;
+}
+
+// What ran, with its counts, and what was left out, by kind.
+void add_parts(const RenderReport& r, json& report) {
+  for (const UsedPart& part : r.parts)
+    if (part.count > 0)
+      report["ran"][part.kind][part.name] = part.count;
+    else
+      report["left_out"][part.kind].push_back(part.name);
+}
+
+void add_costs(const RenderReport& r, json& report) {
+  for (const NamedCost& cost : r.costs) report["costs"]["total"][cost.name] = cost.count;
+  for (const NamedCost& mesh : r.dearest_meshes)
+    report["costs"]["meshes"].push_back({{"name", mesh.name}, {"scatterings", mesh.count}});
+  for (const NamedCost& texture : r.dearest_textures)
+    report["costs"]["textures"].push_back({{"name", texture.name}, {"lookups", texture.count}});
+}
+
+std::string costs_lines(const RenderReport& r) {
+  std::string lines = r.costs.empty() ? "" : "costs\n";
+  for (const NamedCost& cost : r.costs) lines += fmt::format("  {:<16} {:>14}\n", cost.name, cost.count);
+  for (const NamedCost& mesh : r.dearest_meshes)
+    lines += fmt::format("  mesh {}: {} scatterings\n", mesh.name, mesh.count);
+  for (const NamedCost& t : r.dearest_textures) lines += fmt::format("  texture {}: {} lookups\n", t.name, t.count);
+  return lines;
+}
+
+std::string left_out_line(const RenderReport& r) {
+  std::string line = "left out\n ";
+  for (const UsedPart& part : r.parts)
+    if (part.count == 0) line += fmt::format(" {}", part.name);
+  return line + "\n";
+}
+
+std::string error_line(const RenderReport& r) {
+  if (!r.error) return "";
+  std::string line = fmt::format("relative error {:.4f}, below {:.4f} with 95 %", r.error->relative_error(),
+                                 r.error->relative_error_bound());
+  if (r.error_asked > 0) line += fmt::format("; {} was asked for, ended by {}", r.error_asked, name(r.ended_by));
+  return line + "\n";
+}
+
 json memory_json(const RenderReport& r) {
   json tags;
   for (int i = 0; i < kMemoryTagCount; ++i) tags[name(static_cast<MemoryTag>(i))] = r.memory[i].peak_bytes;
@@ -143,6 +193,11 @@ std::string parts_line(const char* what, const cache::PartStoreCounters& c) {
 
 }  // namespace
 
+const char* name(RenderEnd end) {
+  static constexpr const char* kNames[] = {"samples", "error", "time", "stop"};
+  return kNames[static_cast<size_t>(end)];
+}
+
 uint64_t memory_floor_bytes() { return floor_at_start; }
 
 std::string report_json(const RenderReport& r, const std::string& scene) {
@@ -152,7 +207,9 @@ std::string report_json(const RenderReport& r, const std::string& scene) {
                  {"samples_per_pixel", r.samples_per_pixel},
                  {"half_samples", r.half_samples},
                  {"epochs", r.epoch_count},
-                 {"stopped_early", r.stopped_early},
+                 {"ended_by", name(r.ended_by)},
+                 {"stopped_early", r.stopped_early()},
+                 {"error", error_json(r)},
                  {"seconds", r.seconds},
                  {"image_hash", r.image_hash},
                  {"not_finite_count", r.faults.not_finite_count},
@@ -166,6 +223,8 @@ std::string report_json(const RenderReport& r, const std::string& scene) {
                  {"memory", memory_json(r)},
                  {"io", io_json(r)},
                  {"waves", waves}};
+  add_parts(r, report);
+  add_costs(r, report);
   if (r.has_media) {
     report["stages"]["track_media"] = track_json(r);
     report["volumes"] = parts_json(r.volumes);
@@ -190,7 +249,7 @@ std::string report_table(const RenderReport& r) {
   std::string text = fmt::format("{} samples a pixel in {} epochs, {} waves, {:.2f} s; {:.2f} M rays/s\n",
                                  r.samples_per_pixel, r.epoch_count, r.waves.size(), r.seconds,
                                  r.seconds > 0 ? static_cast<double>(r.trace.ray_count) / r.seconds * 1e-6 : 0.0);
-  text += "stages\n" + stage_line("generate_rays", r.generate_seconds, r.seconds) +
+  text += error_line(r) + "stages\n" + stage_line("generate_rays", r.generate_seconds, r.seconds) +
           stage_line("sort_rays", sort, r.seconds) + stage_line("trace_rays", trace, r.seconds) +
           (r.has_media ? stage_line("track_media", track, r.seconds) : "") + stage_line("route_hits", route, r.seconds) + stage_line("shade_hits", shade, r.seconds);
   text += fmt::format("rays\n  {} traced, {} hits shaded, {} escaped, {} shadow rays arrived, {} occluded\n",
@@ -213,7 +272,7 @@ std::string report_table(const RenderReport& r) {
                         bytes_text(r.texture_budget_bytes));
   text += fmt::format("spilled\n  {} written, {} of scratch at most\n", bytes_text(r.spilled_bytes),
                       bytes_text(r.scratch_peak_bytes));
-  text += "memory, peak\n";
+  text += costs_lines(r) + left_out_line(r) + "memory, peak\n";
   for (int i = 0; i < kMemoryTagCount; ++i)
     if (r.memory[i].peak_bytes > 0)
       text += fmt::format("  {:<14} {:>10}\n", name(static_cast<MemoryTag>(i)), bytes_text(r.memory[i].peak_bytes));

@@ -5,6 +5,7 @@
 #include <array>
 #include <cstdint>
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -12,6 +13,7 @@
 #include "cache/file.h"
 #include "cache/part_store.h"
 #include "cache/texture_cache.h"
+#include "pipeline/render/estimate_error.h"
 #include "pipeline/render/film.h"
 #include "pipeline/render/plan.h"
 #include "pipeline/render/route_hits.h"
@@ -20,6 +22,9 @@
 #include "pipeline/render/track_media.h"
 
 namespace spillway::pipeline {
+
+enum class RenderEnd : uint32_t { samples, error, time, stop };  // what ended it: all samples were made, or this
+[[nodiscard]] const char* name(RenderEnd end);
 
 struct WaveReport {
   uint64_t path_count = 0, shadow_count = 0, generated_count = 0;
@@ -34,14 +39,30 @@ struct TextureReport {
   cache::TextureCounters counters;
 };
 
+// A part of the renderer: how much of its kind's unit (items, visits, rows, bytes) a run used. 0: it was left out.
+struct UsedPart {
+  const char* kind;  // stages, caches, columns, tables
+  const char* name;
+  uint64_t count;
+};
+
+struct NamedCost {
+  std::string name;
+  uint64_t count;
+};
+
 struct RenderReport {
   Plan plan;
   std::array<uint32_t, 2> half_samples = {0, 0};
   uint32_t samples_per_pixel = 0;
   uint32_t epoch_count = 0;
-  bool stopped_early = false;
+  RenderEnd ended_by = RenderEnd::samples;
+  [[nodiscard]] bool stopped_early() const { return ended_by == RenderEnd::time || ended_by == RenderEnd::stop; }
+  double error_asked = 0;              // 0: none
+  std::optional<ErrorEstimate> error;  // of the picture; none when a half has no samples
   double seconds = 0, generate_seconds = 0;
   std::vector<WaveReport> waves;
+  uint64_t sorted_count = 0;  // rays that sort_rays ordered
   TraceRaysReport trace;
   bool has_media = false;            // without, track_media did not run
   TrackMediaReport track;
@@ -52,6 +73,10 @@ struct RenderReport {
   std::vector<TextureReport> by_texture;  // images, then face textures
   uint64_t texture_budget_bytes = 0;     // the budget that would keep tiles from being read again; 0: few are
   bool has_textures = false;
+  std::vector<NamedCost> costs;           // totals of the cost layers, when they were asked for;
+  std::vector<NamedCost> dearest_meshes;  // number and name, scatterings: ten at most
+  std::vector<NamedCost> dearest_textures;  // by lookups: ten at most
+  std::vector<UsedPart> parts;            // all there are: see used_parts.h
   uint64_t spilled_bytes = 0, scratch_peak_bytes = 0;
   bool direct_io = false;
   std::array<cache::IoUse, cache::kIoPurposeCount> io{};

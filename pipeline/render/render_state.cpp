@@ -1,7 +1,10 @@
 #include "pipeline/render/render_state.h"
 
 #include <algorithm>
+#include <functional>
 #include <numeric>
+
+#include "pipeline/render/used_parts.h"
 
 namespace spillway::pipeline {
 namespace {
@@ -135,6 +138,8 @@ Status open_film(RenderState& state) {
   SPILLWAY_ASSIGN(Film film, Film::create(film_shape(options.settings, options.aov_layers),
                                           film_identity(state.store, options.settings)));
   state.film = std::make_unique<Film>(std::move(film));
+  if (options.cost_layers) state.costs = std::make_unique<PixelCosts>(state.film->shape(), state.store.meshes().size());
+  state.inputs.costs = state.costs.get();
   return {};
 }
 
@@ -190,6 +195,28 @@ void fill_texture_report(const RenderState& state, const CountersBefore& before,
     report.texture_budget_bytes = state.plan.memory_bytes + (wanted - state.plan.texture_bytes);
 }
 
+// The first ten of what cost most, ties in order.
+void keep_dearest(std::vector<NamedCost>& costs) {
+  std::ranges::stable_sort(costs, std::ranges::greater{}, &NamedCost::count);
+  costs.resize(std::min<size_t>(costs.size(), 10));
+}
+
+void fill_costs(const RenderState& state, RenderReport& report) {
+  for (uint32_t c = 0; c < kCostCount; ++c)
+    report.costs.push_back({name(static_cast<Cost>(c)), state.costs->total(static_cast<Cost>(c))});
+  std::vector<std::pair<uint64_t, uint32_t>> meshes;
+  const std::span<const uint64_t> by_mesh = state.costs->by_mesh();
+  for (uint32_t mesh = 0; mesh < by_mesh.size(); ++mesh)
+    if (by_mesh[mesh] > 0) meshes.emplace_back(by_mesh[mesh], mesh);
+  std::ranges::sort(meshes, [](const auto& a, const auto& b) { return a.first != b.first ? a.first > b.first : a.second < b.second; });
+  meshes.resize(std::min<size_t>(meshes.size(), 10));
+  for (const auto& [count, mesh] : meshes)
+    report.dearest_meshes.push_back({fmt::format("{} {}", mesh, state.store.name_of("mesh", mesh)), count});
+  for (const TextureReport& t : report.by_texture)
+    if (t.counters.lookups > 0) report.dearest_textures.push_back({t.name, t.counters.lookups});
+  keep_dearest(report.dearest_textures);
+}
+
 }  // namespace
 
 void fill_log(const RenderState& state, const RenderReport& report) {
@@ -223,6 +250,8 @@ void fill_report(const RenderState& state, const CountersBefore& before, RenderR
   report.untagged_bytes = report.resident.peak_bytes > known ? report.resident.peak_bytes - known : 0;
   report.faults = state.film->faults();
   report.image_hash = state.film->hash();
+  report.parts = used_parts(state, report);
+  if (state.costs) fill_costs(state, report);
 }
 
 }  // namespace spillway::pipeline

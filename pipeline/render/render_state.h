@@ -43,6 +43,7 @@ struct RenderState {
   MediaInputs media;
   SelectedLights lights;
   std::unique_ptr<Film> film;
+  std::unique_ptr<PixelCosts> costs;  // null: nobody asks
   ShadeInputs inputs;
 };
 

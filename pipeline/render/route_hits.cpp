@@ -94,7 +94,7 @@ HitRecord medium_hit(const cache::TraceRay& ray, const PathRecord& path, float d
 
 Status route_hits(const PathSettings& settings, const TracedPaths& paths, const TracedShadows& shadows,
                   cache::ExternalSort<HitRecord>& hits, Film& film, RouteHitsScratch& scratch, RouteHitsReport& report,
-                  uint32_t batch_rays) {
+                  uint32_t batch_rays, PixelCosts* pixel_costs) {
   // Batches follow the order of rays; inside, the triangle comes first.
   const auto key_of = [&](const HitRecord& hit, size_t ray) {
     if (batch_rays == 0) return hit_key(hit);
@@ -104,6 +104,7 @@ Status route_hits(const PathSettings& settings, const TracedPaths& paths, const 
   const auto route_path = [&](size_t i, PathRecord path, RoutedBlock& out) {
     const cache::TraceRay& ray = paths.rays[i];
     const cache::TraceHit& hit = paths.hits[i];
+    if (pixel_costs != nullptr) pixel_costs->add_ray(path.sink, paths.costs[i]);
     if (!paths.media.empty()) {
       const SegmentResult& medium = paths.media[i];
       if (!is_black(medium.emitted))
@@ -128,6 +129,7 @@ Status route_hits(const PathSettings& settings, const TracedPaths& paths, const 
   };
   const auto route_shadow = [&](size_t i, ShadowRecord shadow, RoutedBlock& out) {
     const cache::TraceHit& hit = shadows.hits[i];
+    if (pixel_costs != nullptr) pixel_costs->add_ray(shadow.sink, shadows.costs[i]);
     if (!shadows.media.empty()) shadow.contribution *= shadows.media[i].weight;
     if (hit.flags & cache::kHitOccluded) {
       ++out.occluded_count;

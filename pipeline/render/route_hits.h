@@ -17,6 +17,7 @@
 #include "pipeline/records.h"
 #include "pipeline/render/film.h"
 #include "pipeline/render/medium_segment.h"
+#include "pipeline/render/pixel_costs.h"
 #include "pipeline/render/shade_path.h"
 
 namespace spillway::pipeline {
@@ -26,6 +27,7 @@ struct TracedPaths {
   std::span<const cache::TraceHit> hits;
   const cache::RecordStream<PathRecord>* records;
   std::span<const SegmentResult> media = {};  // what media did to each, in scenes that have some
+  std::span<const RayCost> costs = {};        // what each took to trace, when pixel costs are counted
 };
 
 struct TracedShadows {
@@ -33,6 +35,7 @@ struct TracedShadows {
   std::span<const cache::TraceHit> hits;
   const cache::RecordStream<ShadowRecord>* records;
   std::span<const SegmentResult> media = {};
+  std::span<const RayCost> costs = {};
 };
 
 struct RouteHitsReport {
@@ -58,8 +61,9 @@ struct RouteHitsScratch {
 [[nodiscard]] HitRecord medium_hit(const cache::TraceRay& ray, const PathRecord& path, float distance);
 
 // batch_rays: hits of so many rays are sorted together, one batch after the other; 0: all (see RenderOptions).
+// pixel_costs: each ray's cost is added to its pixel; null: none is.
 Status route_hits(const PathSettings& settings, const TracedPaths& paths, const TracedShadows& shadows,
                   cache::ExternalSort<HitRecord>& hits, Film& film, RouteHitsScratch& scratch, RouteHitsReport& report,
-                  uint32_t batch_rays = 0);
+                  uint32_t batch_rays = 0, PixelCosts* pixel_costs = nullptr);
 
 }  // namespace spillway::pipeline

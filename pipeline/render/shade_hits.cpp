@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <mutex>
+#include <utility>
 #include <vector>
 
 #include "cache/base/check.h"
@@ -26,6 +27,7 @@ struct BlockScratch {
   std::array<SurfaceQuery, kBlockHits> queries;
   std::vector<SplatRecord> splats;
   std::vector<AovRecord> aovs;
+  std::array<uint32_t, kBlockHits> lookups;  // by hit, when costs are counted
   MaterialResolver::Scratch resolver;
 };
 
@@ -183,6 +185,20 @@ class Shader {
 
   void shade_media(std::span<const HitRecord> hits, ShadedBlock& out) {
     for (const HitRecord& hit : hits) send_on(shade_medium(inputs_.settings, hit), hit.path.sample, out);
+    for (size_t i = 0; inputs_.costs != nullptr && i < hits.size(); ++i)
+      inputs_.costs->add(hits[i].path.sink, Cost::scatterings, 1);
+  }
+
+  // After resolve(): what each hit looked up, and the surfaces that were shaded, those of a mesh together.
+  void add_costs(std::span<const SurfaceQuery> queries, const BlockScratch& scratch) {
+    uint64_t of_mesh = 0;
+    for (size_t i = 0; i < queries.size(); ++i) {
+      const SurfaceQuery& q = queries[i];
+      inputs_.costs->add(q.hit->path.sink, Cost::texture_lookups, scratch.lookups[i]);
+      if (q.stopped && !q.hit->is_shadow) inputs_.costs->add(q.hit->path.sink, Cost::scatterings, 1), ++of_mesh;
+      if (i + 1 == queries.size() || queries[i + 1].mesh != q.mesh)
+        inputs_.costs->add_mesh(q.mesh, std::exchange(of_mesh, 0));
+    }
   }
 
   void shade_block(std::span<const HitRecord> hits, std::span<const std::byte> bytes, ShadedBlock& out) {
@@ -191,7 +207,13 @@ class Shader {
     scratch.splats.clear(), scratch.aovs.clear();
     gather(hits, bytes, scratch);
     const std::span queries(scratch.queries.data(), hits.size());
+    scratch.resolver.evaluator.tally = {};
+    if (inputs_.costs != nullptr) {
+      scratch.lookups.fill(0);
+      scratch.resolver.evaluator.tally = {scratch.points.data(), scratch.lookups};
+    }
     if (const Status status = inputs_.resolver->resolve(queries, scratch.resolver); !status) return fail(status);
+    if (inputs_.costs != nullptr) add_costs(queries, scratch);
     for (const SurfaceQuery& q : queries) shade_one(q, scratch, out);
     film_.add(scratch.splats);
     film_.add_aovs(scratch.aovs);

@@ -18,6 +18,7 @@
 #include "pipeline/records.h"
 #include "pipeline/render/attribute_store.h"
 #include "pipeline/render/film.h"
+#include "pipeline/render/pixel_costs.h"
 #include "pipeline/render/resolve_material.h"
 #include "pipeline/render/shade_path.h"
 
@@ -37,6 +38,7 @@ struct ShadeInputs {
   std::span<const Motion> motions;
   const MaterialResolver* resolver = nullptr;
   bool wants_aovs = false;
+  PixelCosts* costs = nullptr;        // lookups and scatterings are added; null: nobody asks
   bool stages_face_textures = false;  // reads their tiles ahead, a batch at a time: some are not in memory
 };
 

@@ -83,7 +83,8 @@ class Tracer {
         block_((std::max<size_t>(options.block_rays, 1) + kWordRays - 1) / kWordRays * kWordRays),
         pair_capacity_(std::min<uint64_t>(options.pair_limit_bytes / sizeof(Pair), UINT32_MAX)),
         none_(MemoryTag::rays, options.resident_first && options.access == nullptr ? 0 : page_count_),
-        resident_first_(options.resident_first) {}
+        resident_first_(options.resident_first),
+        costs_(options.costs) {}
 
   void trace_all_resident();
   bool trace_resident_first();
@@ -114,6 +115,11 @@ class Tracer {
     __builtin_prefetch(&hit_at(ray), 1);
   }
   std::span<const PageVisit> trace_first(uint32_t ray, VisitList& visits, TraceCounters& work) const;
+  void note_cost(uint32_t ray, const TraceCounters& before, const TraceCounters& after, uint32_t waits) const {
+    if (costs_.empty()) return;
+    costs_[ray].tree_steps += static_cast<uint32_t>(after.nodes + after.leaves - before.nodes - before.leaves);
+    costs_[ray].pages_waited += waits;
+  }
   void add_due(uint32_t ray, Cell& cell, uint32_t instance);
   void trace_page(const TracePageView& view, uint32_t instance, uint32_t ray, TraceCounters& work) const;
   void trace_span(const TracePageView& view, std::span<const Pair> pairs, TraceCounters& work) const;
@@ -144,6 +150,7 @@ class Tracer {
   const uint64_t pair_capacity_;
   const Buffer<TracePageView> none_;  // with nothing resident, all pages are met
   const bool resident_first_;
+  const std::span<RayCost> costs_;  // one task at a time has a ray
 
   WorkSum work_;
   Buffer<uint64_t> waiting_;  // a bit for each place in the order: the ray met pages that are not in memory
@@ -164,7 +171,9 @@ std::span<const PageVisit> Tracer::trace_first(uint32_t ray, VisitList& visits, 
   const TraceRay& r = ray_at(ray);
   TraceHit hit = cache::no_hit(r);
   const TraceMode mode = is_path(ray) ? TraceMode::nearest : TraceMode::occlusion;
+  const TraceCounters before = work;
   std::span<const PageVisit> due = visits.trace(tree_, pages_.resident(), mode, r, hit, work);
+  note_cost(ray, before, work, 0);
   hit_at(ray) = (hit.flags & cache::kHitOccluded) != 0 ? kOccluded : hit;
   // What was due before the hit may lie behind it.
   if (!due.empty() && is_path(ray) && hit.prim != PrimId::kNone) due = pages_ahead(ray, 0, page_count_, visits);
@@ -365,8 +374,10 @@ void Tracer::list_pages(const Window& window) {
 void Tracer::trace_page(const TracePageView& view, uint32_t instance, uint32_t ray, TraceCounters& work) const {
   TraceHit hit = hit_at(ray);
   if ((hit.flags & cache::kHitOccluded) != 0) return;
+  const TraceCounters before = work;
   if (is_path(ray)) cache::trace_page<TraceMode::nearest>(view, instance, tree_, ray_at(ray), hit, work);
   if (!is_path(ray)) cache::trace_page<TraceMode::occlusion>(view, instance, tree_, ray_at(ray), hit, work);
+  note_cost(ray, before, work, 1);
   hit_at(ray) = (hit.flags & cache::kHitOccluded) != 0 ? kOccluded : hit;
 }
 

@@ -19,6 +19,7 @@
 #include "cache/ray.h"
 #include "cache/trace_kernel.h"
 #include "pipeline/render/access_log.h"
+#include "pipeline/render/pixel_costs.h"
 
 namespace spillway::pipeline {
 
@@ -29,6 +30,7 @@ struct TraceRaysOptions {
   // What the rays need is logged here: of every ray, by another walk through the page tree.
   WaveAccess* access = nullptr;
   size_t camera_rays_from = SIZE_MAX;    // path rays from here on come from the camera (for the log)
+  std::span<RayCost> costs = {};         // one a ray, paths first: what it took is added. Empty: nobody asks
 };
 
 struct TraceRaysReport {

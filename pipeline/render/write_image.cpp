@@ -137,6 +137,14 @@ std::vector<ChannelGroup> channel_groups(const Film& film, const WriteImageOptio
                         put(out, film.half_pixel(1, x, y));
                       }});
   }
+  if (options.costs != nullptr)
+    groups.push_back({{"cost.tree_steps", "cost.pages_waited", "cost.texture_lookups", "cost.scatterings", "cost.rays"},
+                      TypeDesc::FLOAT,
+                      [&film, costs = options.costs](auto x, auto y, auto* out) {
+                        const float samples = static_cast<float>(std::max(1u, film.samples()));
+                        for (uint32_t c = 0; c < kCostCount; ++c)
+                          put(out, static_cast<float>(costs->at(x, y, static_cast<Cost>(c))) / samples);
+                      }});
   return groups;
 }
 
@@ -156,6 +164,7 @@ void set_metadata(ImageSpec& spec, const Film& film, const ImageMetadata& metada
   count("spillway:seed", metadata.seed);
   count("spillway:epochs", metadata.epochs);
   spec.attribute("spillway:frame_key", metadata.frame_key);
+  spec.attribute("spillway:ended_by", metadata.ended_by);
   spec.attribute("spillway:faults", film.faults().any() ? "some" : "none");
   if (!options.half_buffers) return;
   count("spillway:half_a_spp", film.half_samples(0));

@@ -17,6 +17,7 @@
 
 #include "cache/base/result.h"
 #include "pipeline/render/film.h"
+#include "pipeline/render/pixel_costs.h"
 
 namespace spillway::pipeline {
 
@@ -29,11 +30,13 @@ struct ImageMetadata {
   uint32_t max_depth = 0;
   uint32_t seed = 0;
   uint32_t epochs = 0;  // closed ones
-  std::string frame_key{};  // see render_image.h; with spp and faults, by which a finished frame is known
+  std::string frame_key{};  // see render_image.h; with spp, ended_by and faults, by which a finished frame is known
+  std::string ended_by{};   // RenderEnd
 };
 
 struct WriteImageOptions {
   bool half_float = false;    // R, G, B as 16-bit floats (values beyond 65504 become 65504); else 32-bit
+  const PixelCosts* costs = nullptr;  // cost.<name>: counts of a sample, float
   bool half_buffers = false;  // halfA, halfB: for error estimates and `spillway compare`
 };
 

@@ -64,5 +64,35 @@ TEST(Epochs, a_stop_leaves_both_halves_equal) {
   EXPECT_LT(schedule.closed_samples()[0], 32u);
 }
 
+TEST(Epochs, of_a_checked_schedule_wait_for_each_other_and_have_the_sizes_that_no_plan_changes) {
+  std::vector<std::vector<uint32_t>> looks(2);
+  for (const int plan : {0, 1}) {
+    EpochSchedule schedule({200, plan ? 16u : 4096u, plan ? 1u : 512u, true});
+    while (const auto a = schedule.open_next()) {
+      const auto b = schedule.open_next();
+      ASSERT_TRUE(b);
+      EXPECT_FALSE(schedule.open_next());
+      schedule.close(a->half);
+      EXPECT_FALSE(schedule.open_next());  // B is still on its way
+      EXPECT_FALSE(schedule.halves_are_equal());
+      schedule.close(b->half);
+      EXPECT_TRUE(schedule.halves_are_equal());
+      looks[plan].push_back(schedule.closed_samples()[0]);
+    }
+    EXPECT_TRUE(schedule.finished());
+  }
+  EXPECT_EQ(looks[0], (std::vector<uint32_t>{8, 12, 16, 24, 32, 48, 64, 96, 100}));
+  EXPECT_EQ(looks[0], looks[1]);
+}
+
+TEST(Epochs, of_a_checked_schedule_reach_an_odd_count) {
+  for (const uint32_t samples : {1u, 2u, 3u, 17u, 25u}) {
+    EpochSchedule schedule({samples, 16, 1, true});
+    run(schedule);
+    EXPECT_TRUE(schedule.finished()) << samples;
+    EXPECT_EQ(schedule.closed_samples()[0] + schedule.closed_samples()[1], samples);
+  }
+}
+
 }  // namespace
 }  // namespace spillway::pipeline

@@ -231,6 +231,15 @@ TEST_F(SameBits, while_an_access_log_is_written) {
   EXPECT_GT(image.report.pages.parts_read_again, 0u);
 }
 
+TEST_F(SameBits, while_costs_are_counted) {
+  RenderOptions o = options();
+  o.cost_layers = true;
+  o.plan.page_bytes = trace_bytes() / 4;
+  const RenderedImage image = render(o, 2);
+  EXPECT_EQ(image.report.image_hash, hash_);
+  EXPECT_EQ(image.costs->total(Cost::rays), image.report.trace.ray_count);
+}
+
 TEST_F(SameBits, for_fractions_of_the_pages) {
   for (const uint64_t part : {2, 8}) {
     RenderOptions o = options();
@@ -353,7 +362,7 @@ TEST_F(SameBits, a_render_that_is_stopped_equals_one_of_as_many_samples) {
   int waves = 0;
   o.on_progress = [&](const RenderProgress&) { stop = ++waves >= 10; };
   const RenderedImage stopped = render(o, 2);
-  EXPECT_TRUE(stopped.report.stopped_early);
+  EXPECT_TRUE(stopped.report.stopped_early());
   const uint32_t samples = stopped.report.samples_per_pixel;
   EXPECT_GT(samples, 0u);
   EXPECT_LT(samples, 64u);

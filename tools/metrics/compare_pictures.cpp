@@ -59,6 +59,7 @@ Result<PictureComparison> compare_pictures(const Picture& a, const Picture& b, c
   const std::vector<uint8_t> mask = metric_mask(a, b, options.excluded);
   PictureComparison c;
   c.mse = mse(a, b, mask), c.rel_mse = rel_mse(a, b, mask), c.mean_ratio = mean_ratio(a, b, mask);
+  if (b.has_halves()) c.reference_noise = noise_rel_mse(b, mask);
   c.largest = largest_difference(a, b, mask);
   c.blocks = compare_blocks(a, b, mask, options.block_size);
   c.differing_pixels = differing_pixels(a, b);

@@ -36,6 +36,7 @@ struct ComparePicturesOptions {
 
 struct PictureComparison {
   double mse = 0, rel_mse = 0, mean_ratio = 1, flip_mean = 0;
+  std::optional<double> reference_noise;  // noise_rel_mse of b, when it has half buffers: its part of rel_mse
   LargestDifference largest;
   BlockComparison blocks;
   uint64_t differing_pixels = 0, not_finite_pixels = 0;

@@ -5,10 +5,10 @@
 #include <cstring>
 #include <utility>
 
+#include "pipeline/render/estimate_error.h"
+
 namespace spillway::tools {
 namespace {
-
-constexpr double kRelMseEpsilon = 0.01;
 
 float channel(const Rgb& c, int i) { return i == 0 ? c.r : i == 1 ? c.g : c.b; }
 
@@ -65,7 +65,13 @@ double mse(const Picture& a, const Picture& b, std::span<const uint8_t> mask) {
 
 double rel_mse(const Picture& a, const Picture& b, std::span<const uint8_t> mask) {
   return mean_error(a, b, mask,
-                    [](double va, double vb) { return (va - vb) * (va - vb) / (vb * vb + kRelMseEpsilon); });
+                    [](double va, double vb) { return (va - vb) * (va - vb) / (vb * vb + pipeline::kRelativeErrorEpsilon); });
+}
+
+double noise_rel_mse(const Picture& picture, std::span<const uint8_t> mask) {
+  Picture moved = picture;  // by what the halves differ
+  for (size_t i = 0; i < moved.pixels.size(); ++i) moved.pixels[i] += picture.half_a[i] - picture.half_b[i];
+  return picture.weight_a * (1 - picture.weight_a) * rel_mse(moved, picture, mask);
 }
 
 double mean_ratio(const Picture& a, const Picture& b, std::span<const uint8_t> mask) {

@@ -17,6 +17,10 @@ namespace spillway::tools {
 // Mean over pixels and channels of (a - b)^2 / (b^2 + 0.01), b the reference (Rousselle et al. 2011, with its epsilon).
 [[nodiscard]] double rel_mse(const Picture& a, const Picture& b, std::span<const uint8_t> mask);
 
+// rel_mse that a picture with half buffers is expected to have by its own noise: to be taken off what is measured against
+// it as the reference.
+[[nodiscard]] double noise_rel_mse(const Picture& picture, std::span<const uint8_t> mask);
+
 // Mean of a over mean of b, over pixels and channels.
 [[nodiscard]] double mean_ratio(const Picture& a, const Picture& b, std::span<const uint8_t> mask);
 

@@ -1,0 +1,137 @@
+// What pixels cost: counts that add up, that no number of threads changes, and that cost nothing in the picture.
+
+#include "pipeline/render/pixel_costs.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <numeric>
+
+#include "cache/base/parallel.h"
+#include "pipeline/render/render_image.h"
+#include "tests/support/small_scene.h"
+
+namespace spillway::test {
+namespace {
+
+using namespace pipeline;
+
+class PixelCostsTest : public testing::TestWithParam<bool> {
+ protected:
+  PixelCostsTest() {
+    SmallSceneOptions scene;
+    scene.has_media = GetParam();
+    auto store = pack_small_scene(directory_.path(), "scene", scene);
+    EXPECT_TRUE(store) << store.error().message;
+    store_ = std::make_unique<Store>(std::move(*store));
+    options_.settings = store_->settings();
+    options_.scratch_directory = directory_.path();
+    options_.cost_layers = true;
+    for (const auto& page : store_->pages()) paged_.page_bytes += page.size_bytes / 4;
+  }
+  RenderedImage render(const RenderOptions& o, int threads = 2) const {
+    Result<RenderedImage> image = on_threads(threads, [&] { return render_image(*store_, o); });
+    EXPECT_TRUE(image) << image.error().message;
+    return image ? std::move(*image) : RenderedImage{};
+  }
+  static std::vector<uint64_t> layer(const RenderedImage& image, Cost cost) {
+    std::vector<uint64_t> values;
+    for (uint32_t y = 0; y < 32; ++y)
+      for (uint32_t x = 0; x < 48; ++x) values.push_back(image.costs->at(x, y, cost));
+    return values;
+  }
+  static void expect_same(const RenderedImage& a, const RenderedImage& b, std::initializer_list<Cost> costs) {
+    for (const Cost cost : costs) EXPECT_EQ(layer(a, cost), layer(b, cost)) << name(cost);
+    EXPECT_TRUE(std::ranges::equal(a.costs->by_mesh(), b.costs->by_mesh()));
+  }
+
+  TemporaryDirectory directory_;
+  std::unique_ptr<Store> store_;
+  RenderOptions options_;
+  PlanOptions paged_;
+};
+
+TEST_P(PixelCostsTest, leave_the_picture_alone_and_are_not_there_unless_asked_for) {
+  const RenderedImage with = render(options_);
+  RenderOptions plain = options_;
+  plain.cost_layers = false;
+  const RenderedImage without = render(plain);
+  EXPECT_EQ(with.report.image_hash, without.report.image_hash);
+  EXPECT_FALSE(without.costs);
+  EXPECT_TRUE(without.report.costs.empty() && without.report.dearest_meshes.empty());
+  const auto film_bytes = [](const RenderedImage& image) {
+    return image.report.memory[static_cast<size_t>(MemoryTag::film)].peak_bytes;
+  };
+  EXPECT_GE(film_bytes(with), film_bytes(without) + PixelCosts::bytes(with.film->shape(), store_->meshes().size()));
+}
+
+TEST_P(PixelCostsTest, add_up_to_the_counters_of_the_stages) {
+  const RenderedImage image = render(options_);
+  const RenderReport& report = image.report;
+  const PixelCosts& costs = *image.costs;
+  EXPECT_EQ(costs.total(Cost::rays), report.trace.ray_count);
+  EXPECT_EQ(costs.total(Cost::tree_steps), report.trace.work.nodes + report.trace.work.leaves);
+  EXPECT_LE(costs.total(Cost::pages_waited), report.trace.pair_count);
+  EXPECT_EQ(costs.total(Cost::texture_lookups), report.textures.lookups);
+  EXPECT_GT(report.textures.lookups, 1000u);
+  const uint64_t of_meshes = std::accumulate(costs.by_mesh().begin(), costs.by_mesh().end(), uint64_t{0});
+  EXPECT_EQ(costs.total(Cost::scatterings), of_meshes + (GetParam() ? report.route.medium_count : 0));
+  ASSERT_FALSE(report.dearest_meshes.empty());
+  EXPECT_LE(report.dearest_meshes.size(), 10u);
+  EXPECT_EQ(report.dearest_meshes.front().count, std::ranges::max(costs.by_mesh()));
+  EXPECT_FALSE(report.dearest_textures.empty());
+}
+
+TEST_P(PixelCostsTest, are_the_same_for_any_number_of_threads_in_and_out_of_core) {
+  const auto all = {Cost::tree_steps, Cost::pages_waited, Cost::texture_lookups, Cost::scatterings, Cost::rays};
+  const RenderedImage whole = render(options_);
+  for (const int threads : {1, 7}) expect_same(render(options_, threads), whole, all);
+  RenderOptions o = options_;
+  o.plan.page_bytes = paged_.page_bytes;
+  o.read_ahead = false;
+  const RenderedImage paged = render(o);
+  for (const int threads : {1, 7}) expect_same(render(o, threads), paged, all);
+  EXPECT_GT(paged.costs->total(Cost::pages_waited),
+            2 * whole.costs->total(Cost::pages_waited));  // the first wave reads
+  EXPECT_LE(paged.costs->total(Cost::pages_waited), paged.report.trace.pair_count);
+  EXPECT_EQ(paged.report.image_hash, whole.report.image_hash);
+}
+
+TEST_P(PixelCostsTest, of_paths_are_the_same_for_any_waves_and_memory) {
+  const RenderedImage whole = render(options_);
+  RenderOptions o = options_;
+  o.plan.page_bytes = paged_.page_bytes, o.plan.texture_bytes = 1 << 16, o.plan.spill = 1, o.plan.wave_paths = 1000;
+  expect_same(render(o, 3), whole, {Cost::texture_lookups, Cost::scatterings, Cost::rays});
+  o = options_;
+  o.sort_rays = false;
+  expect_same(render(o), whole, {Cost::tree_steps, Cost::texture_lookups, Cost::scatterings, Cost::rays});
+}
+
+// When all is in memory, as in a session's second frame, a ray's steps are its own too.
+TEST_P(PixelCostsTest, of_a_crop_are_those_of_its_pixels) {
+  const auto second_frame = [&](const RenderOptions& o) {
+    return on_threads(2, [&] {
+      auto session = RenderSession::open(*store_, o);
+      EXPECT_TRUE(session && session->render(o.settings.camera));
+      auto image = session->render(o.settings.camera);
+      EXPECT_TRUE(image);
+      return std::move(*image);
+    });
+  };
+  const RenderedImage whole = second_frame(options_);
+  EXPECT_EQ(whole.costs->total(Cost::pages_waited), 0u);
+  RenderOptions o = options_;
+  o.settings.film = {11, 9, 33, 20, 1};
+  const RenderedImage crop = second_frame(o);
+  for (uint32_t c = 0; c < kCostCount; ++c)
+    for (uint32_t y = 9; y < 20; ++y)
+      for (uint32_t x = 11; x < 33; ++x)
+        ASSERT_EQ(crop.costs->at(x, y, static_cast<Cost>(c)), whole.costs->at(x, y, static_cast<Cost>(c)))
+            << name(static_cast<Cost>(c)) << ' ' << x << ' ' << y;
+}
+
+INSTANTIATE_TEST_SUITE_P(Scenes, PixelCostsTest, testing::Values(false, true),
+                         [](const auto& p) { return p.param ? "media" : "surfaces"; });
+
+}  // namespace
+}  // namespace spillway::test
