@@ -40,10 +40,11 @@ double below_the_slit(double x, double y) {
 std::string dark_chamber() {
   const double far = kBig - kSlitX, end = kBig - kSlitY;
   return diffuse(0) + sheet({-kBig, -kBig, 1}, {far, 0, 0}, {0, 2 * kBig, 0}) +
-         sheet({kSlitX, -kBig, 1}, {far, 0, 0}, {0, 2 * kBig, 0}) + sheet({-kSlitX, kSlitY, 1}, {2 * kSlitX, 0, 0}, {0, end, 0}) +
-         sheet({-kSlitX, -kBig, 1}, {2 * kSlitX, 0, 0}, {0, end, 0}) + sheet({-kBig, -kBig, 0}, {2 * kBig, 0, 0}, {0, 0, 1}) +
-         sheet({-kBig, kBig, 0}, {2 * kBig, 0, 0}, {0, 0, 1}) + sheet({-kBig, -kBig, 0}, {0, 2 * kBig, 0}, {0, 0, 1}) +
-         sheet({kBig, -kBig, 0}, {0, 2 * kBig, 0}, {0, 0, 1});
+         sheet({kSlitX, -kBig, 1}, {far, 0, 0}, {0, 2 * kBig, 0}) +
+         sheet({-kSlitX, kSlitY, 1}, {2 * kSlitX, 0, 0}, {0, end, 0}) +
+         sheet({-kSlitX, -kBig, 1}, {2 * kSlitX, 0, 0}, {0, end, 0}) +
+         sheet({-kBig, -kBig, 0}, {2 * kBig, 0, 0}, {0, 0, 1}) + sheet({-kBig, kBig, 0}, {2 * kBig, 0, 0}, {0, 0, 1}) +
+         sheet({-kBig, -kBig, 0}, {0, 2 * kBig, 0}, {0, 0, 1}) + sheet({kBig, -kBig, 0}, {0, 2 * kBig, 0}, {0, 0, 1});
 }
 
 // Hard: of the directions that a sky is sampled in, three in a thousand pass; a portal says which.
@@ -54,18 +55,19 @@ TEST(Failures, light_through_a_slit) {
   plain.expect_same_bits();
   expect_unbiased(plain, answer, {.samples = 128, .largest_error = 0.05});
   // Seen along cross(edge1, edge2) of its first corner.
-  const FailureScene portal(view +
-                            fmt::format("LightSource \"infinite\" \"rgb L\" [1 1 1] \"point3 portal\" [-{0} -{1} 1 -{0} {1} "
-                                        "1 {0} {1} 1 {0} -{1} 1]\n",
-                                        kSlitX, kSlitY) +
-                            kFloor + dark_chamber());
+  const FailureScene portal(
+      view +
+      fmt::format("LightSource \"infinite\" \"rgb L\" [1 1 1] \"point3 portal\" [-{0} -{1} 1 -{0} {1} "
+                  "1 {0} {1} 1 {0} -{1} 1]\n",
+                  kSlitX, kSlitY) +
+      kFloor + dark_chamber());
   portal.expect_same_bits();
   expect_unbiased(portal, answer, {.largest_error = 0.005});
 }
 
-// Hard: glass between floor and lamp stops every shadow ray, so that the lamp is met by chance alone. A pane of index 1.5
-// with its reflections left out by the depth of paths: from the floor at angle a the lamp's plane is met at a distance
-// r = gap tan a + pane tan b, sin b = sin a / 1.5, through (1 - F)^2.
+// Hard: glass between floor and lamp stops every shadow ray, so that the lamp is met by chance alone. A pane of
+// index 1.5 with its reflections left out by the depth of paths: from the floor at angle a the lamp's plane is met at a
+// distance r = gap tan a + pane tan b, sin b = sin a / 1.5, through (1 - F)^2.
 TEST(Failures, a_lamp_behind_a_pane_of_glass) {
   constexpr double kPane = 0.2, kGap = 1, kSide = 1;
   const FailureScene scene(view_down(0.4, 0.1, 3, 16) + kFloor + "Material \"dielectric\" \"float eta\" 1.5\n" +
@@ -106,7 +108,8 @@ TEST(Failures, a_point_light_behind_glass_is_lost) {
 // A caustic: a ball of glass between a square lamp and the floor. Every path is found by chance; what each brings is at
 // most the lamp's radiance, so that the picture converges, the slower the smaller the lamp (charted).
 TEST(Failures, a_caustic_of_a_glass_ball) {
-  const FailureScene scene(view_down(0.4, 0.5, 12, 16) + kFloor + "AttributeBegin Material \"dielectric\" Translate 0 0 1.5 " +
+  const FailureScene scene(view_down(0.4, 0.5, 12, 16) + kFloor +
+                           "AttributeBegin Material \"dielectric\" Translate 0 0 1.5 " +
                            "Shape \"sphere\" \"float radius\" 0.8 AttributeEnd\n" +
                            emitter(10, sheet({-0.5, -0.5, 4}, {0, 1, 0}, {1, 0, 0})));
   scene.expect_same_bits();
@@ -120,7 +123,8 @@ TEST(Failures, a_caustic_of_a_glass_ball) {
 // Hard: forty reflections before there is light, and roulette on the way: (reflectance at 45 degrees)^40.
 TEST(Failures, a_corridor_of_mirrors) {
   const FailureScene scene(view_along({0, 0, 0}, {1, 0, -1}, {0, 1, 0}, 0.05, 60, 16) + metal_words(0) +
-                           sheet({-0.5, -5, -40}, {0, 10, 0}, {0, 0, 45}) + sheet({0.5, -5, -40}, {0, 10, 0}, {0, 0, 45}) +
+                           sheet({-0.5, -5, -40}, {0, 10, 0}, {0, 0, 45}) +
+                           sheet({0.5, -5, -40}, {0, 10, 0}, {0, 0, 45}) +
                            emitter(7, sheet({-0.5, -5, -40}, {1, 0, 0}, {0, 10, 0})));
   scene.expect_same_bits();
   expect_unbiased(scene, 7 * std::pow(reflectance(std::sqrt(0.5), kMetalIndex), 40), {.largest_error = 0.02});
@@ -133,7 +137,8 @@ TEST(Failures, a_thousand_panes_of_glass) {
   std::string panes = "Material \"thindielectric\" \"float eta\" 1.05\n";
   for (int i = 0; i < kCount; ++i) panes += sheet({-1, -1, -0.01 * i}, {2, 0, 0}, {0, 2, 0});
   const double r = reflectance(1, 1.05), s = 2 * r / (1 + r), returned = kCount * s / (1 + (kCount - 1) * s);
-    const FailureScene behind(view_down(0.5, 0.05, 30000, 4) + panes + emitter(1, sheet({-1, -1, -20}, {2, 0, 0}, {0, 2, 0})));
+  const FailureScene behind(view_down(0.5, 0.05, 30000, 4) + panes +
+                            emitter(1, sheet({-1, -1, -20}, {2, 0, 0}, {0, 2, 0})));
   behind.expect_same_bits();
   expect_unbiased(behind, 1 - returned, {.seeds = 8, .samples = 16, .largest_error = 0.05});
 }
@@ -143,9 +148,11 @@ TEST(Failures, a_thousand_faces_of_glass) {
   constexpr int kFaces = 1000;
   std::string slabs = "Material \"dielectric\" \"float eta\" 1.1\n";
   for (int i = 0; i < kFaces; i += 2)
-    slabs += sheet({-1, -1, -0.01 * i}, {2, 0, 0}, {0, 2, 0}) + sheet({-1, -1, -0.01 * i - 0.005}, {0, 2, 0}, {2, 0, 0});
+    slabs +=
+        sheet({-1, -1, -0.01 * i}, {2, 0, 0}, {0, 2, 0}) + sheet({-1, -1, -0.01 * i - 0.005}, {0, 2, 0}, {2, 0, 0});
   const double r = reflectance(1, 1.1), returned = kFaces * r / (1 + (kFaces - 1) * r);
-  const FailureScene scene(view_down(0.5, 0.05, 30000, 4) + slabs + emitter(1, sheet({-1, -1, -20}, {2, 0, 0}, {0, 2, 0})));
+  const FailureScene scene(view_down(0.5, 0.05, 30000, 4) + slabs +
+                           emitter(1, sheet({-1, -1, -20}, {2, 0, 0}, {0, 2, 0})));
   scene.expect_same_bits();
   expect_unbiased(scene, 1 - returned, {.seeds = 8, .samples = 16, .largest_error = 0.05});
 }

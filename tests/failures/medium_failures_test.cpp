@@ -37,9 +37,9 @@ TEST(Failures, a_lamp_in_absorbing_gas) {
   scene.expect_same_bits();
   const auto value = [](double x, double y) {
     return 0.36 * mean_over_square(0.3, 3, [&](double u, double v) {
-      const double squared = (u - x) * (u - x) + (v - y) * (v - y) + 0.25;
-      return 0.5 / M_PI * 5 * 0.25 / (squared * squared) * std::exp(-0.7 * (std::sqrt(squared) + 0.4));
-    });
+             const double squared = (u - x) * (u - x) + (v - y) * (v - y) + 0.25;
+             return 0.5 / M_PI * 5 * 0.25 / (squared * squared) * std::exp(-0.7 * (std::sqrt(squared) + 0.4));
+           });
   };
   expect_unbiased(scene, mean_over_square(0.2, 2, value), {.largest_error = 0.01});
 }
@@ -49,8 +49,9 @@ TEST(Failures, a_lamp_in_absorbing_gas) {
 // without that the variance has no bound (charted).
 TEST(Failures, a_point_light_in_scattering_gas_seen_beside_it) {
   constexpr double kScattered = 0.3, kAll = 0.4;
-  const FailureScene scene(in_gas(kAll - kScattered, kScattered, 0, view_along({0, 0, 4}, {0, 0, 0}, {0, 1, 0}, 0.2, 1)) +
-                           "LightSource \"point\" \"point3 from\" [1 0 0] \"rgb I\" [9 9 9]\n");
+  const FailureScene scene(
+      in_gas(kAll - kScattered, kScattered, 0, view_along({0, 0, 4}, {0, 0, 0}, {0, 1, 0}, 0.2, 1)) +
+      "LightSource \"point\" \"point3 from\" [1 0 0] \"rgb I\" [9 9 9]\n");
   scene.expect_same_bits();
   const auto value = [&](double x, double y) {
     return integral(0, 60, 200, [&](double t) {
@@ -64,9 +65,10 @@ TEST(Failures, a_point_light_in_scattering_gas_seen_beside_it) {
 // Hard: of a hundred paths one collides at all, and of those few inside of the beam.
 TEST(Failures, a_spot_light_in_thin_fog) {
   constexpr double kScattered = 0.01, kDistance = 3;
-  const FailureScene scene(in_gas(0, kScattered, 0, view_along({0, 0, kDistance}, {0, 0, 0}, {0, 1, 0}, 0.3, 1, 16)) +
-                           "LightSource \"spot\" \"point3 from\" [-2 0 0] \"point3 to\" [0 0 0] \"rgb I\" [500 500 500] "
-                           "\"float coneangle\" 10 \"float conedeltaangle\" 4\n");
+  const FailureScene scene(
+      in_gas(0, kScattered, 0, view_along({0, 0, kDistance}, {0, 0, 0}, {0, 1, 0}, 0.3, 1, 16)) +
+      "LightSource \"spot\" \"point3 from\" [-2 0 0] \"point3 to\" [0 0 0] \"rgb I\" [500 500 500] "
+      "\"float coneangle\" 10 \"float conedeltaangle\" 4\n");
   scene.expect_same_bits();
   const double full = std::cos(6 * M_PI / 180), none = std::cos(10 * M_PI / 180);
   const auto value = [&](double x, double y) {
@@ -85,9 +87,10 @@ TEST(Failures, gas_of_albedo_one_in_a_white_sky) {
   for (const auto& [scattered, g] : {std::pair(2.0, 0.9), std::pair(10.0, -0.5), std::pair(10.0, 0.0)}) {
     const FailureScene scene(
         view_from({0, 0, 9}, {0, 0, 0}, {0, 1, 0}, 5, 30000) + sky(1) +
-        fmt::format("MakeNamedMedium \"gas\" \"string type\" \"homogeneous\" \"rgb sigma_a\" [0 0 0] \"rgb sigma_s\" "
-                    "[{0} {0} {0}] \"float g\" {1}\nMediumInterface \"gas\" \"\" Material \"interface\" ReverseOrientation\n",
-                    scattered, g) +
+        fmt::format(
+            "MakeNamedMedium \"gas\" \"string type\" \"homogeneous\" \"rgb sigma_a\" [0 0 0] \"rgb sigma_s\" "
+            "[{0} {0} {0}] \"float g\" {1}\nMediumInterface \"gas\" \"\" Material \"interface\" ReverseOrientation\n",
+            scattered, g) +
         room({-1, -1, -1}, {1, 1, 1}));
     scene.expect_same_bits();
     expect_unbiased(scene, 1, {.seeds = 12, .samples = 16});
@@ -98,12 +101,13 @@ TEST(Failures, gas_of_albedo_one_in_a_white_sky) {
 TEST(Failures, a_checkered_cloud_of_albedo_one_in_a_white_sky) {
   std::string density;
   for (int i = 0; i < 16 * 16 * 16; ++i) density += (i + i / 16 + i / 256) % 2 == 0 ? "8 " : "0 ";
-  const FailureScene scene(view_from({0, 0, 9}, {0, 0, 0}, {0, 1, 0}, 5, 30000) + sky(1) +
-                           "MakeNamedMedium \"gas\" \"string type\" \"uniformgrid\" \"integer nx\" 16 \"integer ny\" 16 "
-                           "\"integer nz\" 16 \"point3 p0\" [-1 -1 -1] \"point3 p1\" [1 1 1] \"rgb sigma_a\" [0 0 0] "
-                           "\"rgb sigma_s\" [1 1 1] \"float density\" [" +
-                           density + "]\nMediumInterface \"gas\" \"\" Material \"interface\" ReverseOrientation\n" +
-                           room({-1, -1, -1}, {1, 1, 1}));
+  const FailureScene scene(
+      view_from({0, 0, 9}, {0, 0, 0}, {0, 1, 0}, 5, 30000) + sky(1) +
+      "MakeNamedMedium \"gas\" \"string type\" \"uniformgrid\" \"integer nx\" 16 \"integer ny\" 16 "
+      "\"integer nz\" 16 \"point3 p0\" [-1 -1 -1] \"point3 p1\" [1 1 1] \"rgb sigma_a\" [0 0 0] "
+      "\"rgb sigma_s\" [1 1 1] \"float density\" [" +
+      density + "]\nMediumInterface \"gas\" \"\" Material \"interface\" ReverseOrientation\n" +
+      room({-1, -1, -1}, {1, 1, 1}));
   scene.expect_same_bits();
   expect_unbiased(scene, 1, {.seeds = 12, .samples = 16});
 }

@@ -46,7 +46,13 @@ TEST(Failures, polished_metal_under_a_tiny_lamp) {
       if (ends_inside) return from_place(x, y);
       return mean_over_square(kSide / 2, 1, [&](double u, double v) { return from_place(x - u, y - v); });
     };
-    expect_unbiased(scene, mean_over_square(0.2, ends_inside ? 200 : alpha < 0.05 ? 60 : 10, value), {.rounding = 2e-4, .largest_error = 0.02});
+    expect_unbiased(scene,
+                    mean_over_square(0.2,
+                                     ends_inside    ? 200
+                                     : alpha < 0.05 ? 60
+                                                    : 10,
+                                     value),
+                    {.rounding = 2e-4, .largest_error = 0.02});
   }
 }
 
@@ -68,8 +74,9 @@ TEST(Failures, a_mirror_does_not_show_a_point_light) {
   EXPECT_EQ(scene.render(1, 16).mean, 0);
 }
 
-// Veach's plates: four metals, four lamps of equal power and unlike sizes. Hard: for smooth metal and a large lamp light
-// sampling fails, for rough metal and a small lamp BSDF sampling does, and one estimator has to be good at all sixteen.
+// Veach's plates: four metals, four lamps of equal power and unlike sizes. Hard: for smooth metal and a large lamp
+// light sampling fails, for rough metal and a small lamp BSDF sampling does, and one estimator has to be good at all
+// sixteen.
 class VeachPlates : public testing::TestWithParam<double> {};
 
 TEST_P(VeachPlates, are_lit_by_lamps_of_all_sizes) {
@@ -81,8 +88,8 @@ TEST_P(VeachPlates, are_lit_by_lamps_of_all_sizes) {
     lamps += emitter(0.1 / (s * s), sheet({kHeight - s / 2, y - s / 2, kHeight}, {0, s, 0}, {s, 0, 0}));
   }
   // Seen at 45 degrees from the other side: the lamps' images lie around the origin.
-  const FailureScene scene(view_along({-1.5, 0, 1.5}, {0, 0, 0}, {0, 0, 1}, kHalf, 1, 16) + metal_words(alpha) + kFloor +
-                           lamps);
+  const FailureScene scene(view_along({-1.5, 0, 1.5}, {0, 0, 0}, {0, 0, 1}, kHalf, 1, 16) + metal_words(alpha) +
+                           kFloor + lamps);
   scene.expect_same_bits();
   const Vec seen = unit({-1, 0, 1});
   const auto value = [&](double across, double along) {
@@ -92,19 +99,19 @@ TEST_P(VeachPlates, are_lit_by_lamps_of_all_sizes) {
       const double s = kSides[j], y = kPlaces[j];
       const int cells = alpha < 0.05 ? std::max(1, static_cast<int>(s / 0.1)) : 1;
       sum += 0.1 * mean_over_square(s / 2, cells, [&](double u, double v) {
-        const Vec to = Vec{kHeight + u, y + v, kHeight} - place;
-        const double squared = dot(to, to), cosine = to.z / std::sqrt(squared);
-        return metal(seen, unit(to), alpha, kMetalIndex) * cosine * cosine / squared;
-      });
+               const Vec to = Vec{kHeight + u, y + v, kHeight} - place;
+               const double squared = dot(to, to), cosine = to.z / std::sqrt(squared);
+               return metal(seen, unit(to), alpha, kMetalIndex) * cosine * cosine / squared;
+             });
     }
     return sum;
   };
-  expect_unbiased(scene, mean_over_square(kHalf, alpha < 0.05 ? 30 : 8, value), {.rounding = 2e-4, .largest_error = 0.01});
+  expect_unbiased(scene, mean_over_square(kHalf, alpha < 0.05 ? 30 : 8, value),
+                  {.rounding = 2e-4, .largest_error = 0.01});
 }
 
-INSTANTIATE_TEST_SUITE_P(Roughness, VeachPlates, testing::Values(0.02, 0.05, 0.1, 0.3), [](const auto& alpha) {
-  return fmt::format("alpha_{:.0f}_hundredths", 100 * alpha.param);
-});
+INSTANTIATE_TEST_SUITE_P(Roughness, VeachPlates, testing::Values(0.02, 0.05, 0.1, 0.3),
+                         [](const auto& alpha) { return fmt::format("alpha_{:.0f}_hundredths", 100 * alpha.param); });
 
 // Hard: at a degree above the horizon the cosine is small, the lobe lies half below the surface, and masking decides.
 TEST(Failures, grazing_light_on_rough_metal) {
@@ -114,7 +121,8 @@ TEST(Failures, grazing_light_on_rough_metal) {
     for (const double alpha : {0.1, 0.5}) {
       const FailureScene scene(
           view_down(1, 0.1, 1) + metal_words(alpha) + kFloor +
-          fmt::format("LightSource \"distant\" \"point3 from\" [1 0 {:.17g}] \"point3 to\" [0 0 0] \"rgb L\" [9 9 9]\n", height));
+          fmt::format("LightSource \"distant\" \"point3 from\" [1 0 {:.17g}] \"point3 to\" [0 0 0] \"rgb L\" [9 9 9]\n",
+                      height));
       scene.expect_same_bits();
       expect_unbiased(scene, 9 * to_sun.z * metal({0, 0, 1}, to_sun, alpha, kMetalIndex));
     }
@@ -127,13 +135,15 @@ TEST(Failures, rough_metal_seen_at_grazing_angles) {
     const double height = std::tan(degrees * M_PI / 180);
     const Vec seen = unit({-1, 0, height});
     for (const double alpha : {0.1, 0.5}) {
-      const FailureScene scene(view_along({-1, 0, height}, {0, 0, 0}, {0, 0, 1}, 0.005, 1) + metal_words(alpha) + kFloor +
-                               sky(1));
+      const FailureScene scene(view_along({-1, 0, height}, {0, 0, 0}, {0, 0, 1}, 0.005, 1) + metal_words(alpha) +
+                               kFloor + sky(1));
       scene.expect_same_bits();
       // Elevation as t^2: finer steps where the lobe meets the horizon.
       const auto ring = [&](double t) {
         const double z = t * t, r = std::sqrt(1 - z * z);
-        const auto f = [&](double phi) { return metal(seen, {r * std::cos(phi), r * std::sin(phi), z}, alpha, kMetalIndex); };
+        const auto f = [&](double phi) {
+          return metal(seen, {r * std::cos(phi), r * std::sin(phi), z}, alpha, kMetalIndex);
+        };
         return 2 * integral(0, M_PI, 120, f) * z * 2 * t;
       };
       expect_unbiased(scene, integral(0, 1, 200, ring), {.rounding = 1e-4});

@@ -30,7 +30,8 @@ Vec octahedral(double u, double v) {
   const double x = 2 * u - 1, y = 2 * v - 1, d = 1 - std::fabs(x) - std::fabs(y), r = 1 - std::fabs(d);
   const double phi = r == 0 ? 0 : ((std::fabs(y) - std::fabs(x)) / r + 1) * M_PI / 4;
   const double planar = r * std::sqrt(std::max(0.0, 2 - r * r));
-  return {std::copysign(planar * std::cos(phi), x), std::copysign(planar * std::sin(phi), y), std::copysign(1 - r * r, d)};
+  return {std::copysign(planar * std::cos(phi), x), std::copysign(planar * std::sin(phi), y),
+          std::copysign(1 - r * r, d)};
 }
 
 // Hard: the whole light of a sky in one texel of four thousand, ten million times as bright as the rest.
@@ -56,7 +57,8 @@ TEST(Failures, one_bright_texel_in_a_sky_over_metal) {
   constexpr int kSize = 64;
   std::vector<float> texels(kSize * kSize, 0);
   // Four texels meet at the pole: the mirrored direction.
-  for (const int at : {31 * kSize + 31, 31 * kSize + 32, 32 * kSize + 31, 32 * kSize + 32}) texels[static_cast<size_t>(at)] = 1e4f;
+  for (const int at : {31 * kSize + 31, 31 * kSize + 32, 32 * kSize + 31, 32 * kSize + 32})
+    texels[static_cast<size_t>(at)] = 1e4f;
   for (const double alpha : {0.01, 0.3}) {
     const FailureScene scene(view_down(1, 0.5, 1) + metal_words(alpha) + sheet({-9, -9, 0}, {18, 0, 0}, {0, 18, 0}) +
                                  "LightSource \"infinite\" \"string filename\" \"sky.exr\"\n",
@@ -93,10 +95,12 @@ TEST(Failures, a_texture_with_infinite_values) {
   const auto scene_of = [&](double half_width, const char* filter) {
     return std::make_unique<FailureScene>(
         view_down(1, half_width, 1) + sky(1) +
-            fmt::format("Texture \"paint\" \"spectrum\" \"imagemap\" \"string filename\" \"paint.exr\" \"string encoding\" "
-                        "\"linear\" \"string filter\" \"{}\"\nMaterial \"diffuse\" \"texture reflectance\" \"paint\"\n",
-                        filter) +
-            "Shape \"trianglemesh\" \"point3 P\" [-1 -1 0 1 -1 0 1 1 0 -1 1 0] \"point2 uv\" [0 0 1 0 1 1 0 1] \"integer "
+            fmt::format(
+                "Texture \"paint\" \"spectrum\" \"imagemap\" \"string filename\" \"paint.exr\" \"string encoding\" "
+                "\"linear\" \"string filter\" \"{}\"\nMaterial \"diffuse\" \"texture reflectance\" \"paint\"\n",
+                filter) +
+            "Shape \"trianglemesh\" \"point3 P\" [-1 -1 0 1 -1 0 1 1 0 -1 1 0] \"point2 uv\" [0 0 1 0 1 1 0 1] "
+            "\"integer "
             "indices\" [0 1 2 0 2 3]\n",
         [&](const fs::path& folder) { write_grey(folder / "paint.exr", kSize, kSize, texels); });
   };
@@ -113,30 +117,35 @@ TEST(Failures, a_texture_with_infinite_values) {
   scene_of(20, "trilinear")->expect_same_bits();  // of the coarsest levels
 }
 
-// Hard: the texels of one face are as wide as 256 of its neighbour's, and the filter crosses the edge. A ramp stays one.
+// Hard: the texels of one face are as wide as 256 of its neighbour's, and the filter crosses the edge. A ramp stays
+// one.
 TEST(Failures, neighbouring_faces_of_unlike_resolutions) {
   const FaceGrid grid(2, 1);
-  const auto make = [&](const fs::path& folder) {
-    const cache::FaceTexFormat format{cache::FaceTexelType::float32, 1, -1};
-    auto writer = cache::FaceTexWriter::create(folder / "paint.facetex", format);
-    ASSERT_TRUE(writer) << writer.error().message;
-    const auto faces = grid.faces([](uint32_t f) { return f == 0 ? std::pair<uint8_t, uint8_t>(1, 1) : std::pair<uint8_t, uint8_t>(9, 9); });
-    ASSERT_TRUE((*writer)->begin_texture({"paint", cache::FaceShape::quad, {}, {}, faces}));
-    for (uint32_t f = 0; f < 2; ++f) {
-      const auto ramp = [&](double u, double v, uint32_t) { return (grid.place(f, u, v).x / 2 + v) / 2; };
-      ASSERT_TRUE((*writer)->add_face(painted_face(format, faces[f], cache::FaceShape::quad, ramp)));
-    }
-    ASSERT_TRUE((*writer)->finish());
-    std::ofstream(folder / "quads.ply") << "ply\nformat ascii 1.0\nelement vertex 6\nproperty float x\nproperty float y\n"
-                                           "property float z\nelement face 2\nproperty list uchar int vertex_indices\n"
-                                           "end_header\n0 0 0\n1 0 0\n2 0 0\n0 1 0\n1 1 0\n2 1 0\n4 0 1 4 3\n4 1 2 5 4\n";
-  };
+  const auto make =
+      [&](const fs::path& folder) {
+        const cache::FaceTexFormat format{cache::FaceTexelType::float32, 1, -1};
+        auto writer = cache::FaceTexWriter::create(folder / "paint.facetex", format);
+        ASSERT_TRUE(writer) << writer.error().message;
+        const auto faces = grid.faces(
+            [](uint32_t f) { return f == 0 ? std::pair<uint8_t, uint8_t>(1, 1) : std::pair<uint8_t, uint8_t>(9, 9); });
+        ASSERT_TRUE((*writer)->begin_texture({"paint", cache::FaceShape::quad, {}, {}, faces}));
+        for (uint32_t f = 0; f < 2; ++f) {
+          const auto ramp = [&](double u, double v, uint32_t) { return (grid.place(f, u, v).x / 2 + v) / 2; };
+          ASSERT_TRUE((*writer)->add_face(painted_face(format, faces[f], cache::FaceShape::quad, ramp)));
+        }
+        ASSERT_TRUE((*writer)->finish());
+        std::ofstream(folder / "quads.ply")
+            << "ply\nformat ascii 1.0\nelement vertex 6\nproperty float x\nproperty float y\n"
+               "property float z\nelement face 2\nproperty list uchar int vertex_indices\n"
+               "end_header\n0 0 0\n1 0 0\n2 0 0\n0 1 0\n1 1 0\n2 1 0\n4 0 1 4 3\n4 1 2 5 4\n";
+      };
   for (const double half : {0.02, 0.2}) {
-    const FailureScene scene(view_along({0.98, 0.5, 1}, {0.98, 0.5, 0}, {0, 1, 0}, half, 1, 16) + sky(1) +
-                                 "Texture \"paint\" \"spectrum\" \"ptex\" \"string filename\" \"paint.facetex\"\nMaterial "
-                                 "\"diffuse\" \"texture reflectance\" \"paint\"\nShape \"plymesh\" \"string filename\" "
-                                 "\"quads.ply\"\n",
-                             make);
+    const FailureScene scene(
+        view_along({0.98, 0.5, 1}, {0.98, 0.5, 0}, {0, 1, 0}, half, 1, 16) + sky(1) +
+            "Texture \"paint\" \"spectrum\" \"ptex\" \"string filename\" \"paint.facetex\"\nMaterial "
+            "\"diffuse\" \"texture reflectance\" \"paint\"\nShape \"plymesh\" \"string filename\" "
+            "\"quads.ply\"\n",
+        make);
     scene.expect_same_bits();
     expect_unbiased(scene, (0.98 / 2 + 0.5) / 2, {.rounding = 2e-3});
   }

@@ -22,7 +22,8 @@ double mean_over_square(double half, int cells, const std::function<double(doubl
 
 double reflectance(double cosine, std::complex<double> index) {
   const std::complex<double> n2 = index * index, inside = std::sqrt(n2 - (1 - cosine * cosine));
-  const std::complex<double> s = (cosine - inside) / (cosine + inside), p = (n2 * cosine - inside) / (n2 * cosine + inside);
+  const std::complex<double> s = (cosine - inside) / (cosine + inside),
+                             p = (n2 * cosine - inside) / (n2 * cosine + inside);
   return (std::norm(s) + std::norm(p)) / 2;
 }
 

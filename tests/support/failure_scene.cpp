@@ -169,8 +169,8 @@ std::string view_from(Vec eye, Vec target, Vec up, double fov_deg, int max_depth
 }
 
 std::string sheet(Vec c, Vec e1, Vec e2) {
-  return fmt::format("Shape \"trianglemesh\" \"point3 P\" [{} {} {} {}] \"integer indices\" [0 1 2 0 2 3]\n", numbers(c),
-                     numbers(plus(c, e1)), numbers(plus(plus(c, e1), e2)), numbers(plus(c, e2)));
+  return fmt::format("Shape \"trianglemesh\" \"point3 P\" [{} {} {} {}] \"integer indices\" [0 1 2 0 2 3]\n",
+                     numbers(c), numbers(plus(c, e1)), numbers(plus(plus(c, e1), e2)), numbers(plus(c, e2)));
 }
 
 std::string room(Vec a, Vec b) {

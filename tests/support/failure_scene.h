@@ -1,7 +1,8 @@
 #pragma once
 
-// Scenes in which methods fail, as users would have them: pbrt text in code, through the importer and the packer into pages
-// so small that even they are several. What holds for every one of them, and what holds where the answer is known.
+// Scenes in which methods fail, as users would have them: pbrt text in code, through the importer and the packer into
+// pages so small that even they are several. What holds for every one of them, and what holds where the answer is
+// known.
 
 #include <cstdint>
 #include <functional>
@@ -58,9 +59,10 @@ struct Estimate {
 
 struct Trust {
   uint32_t seeds = 16;
-  uint32_t samples = 64;       // a pixel, of the larger of two counts; the other is an eighth
-  double rounding = 2e-5;      // of the answer: what 32-bit numbers and, where a test says so, geometry are off by
-  double largest_error = 0.01; // of the answer: standard error that the larger count must stay below, else nothing is said
+  uint32_t samples = 64;   // a pixel, of the larger of two counts; the other is an eighth
+  double rounding = 2e-5;  // of the answer: what 32-bit numbers and, where a test says so, geometry are off by
+  double largest_error =
+      0.01;  // of the answer: standard error that the larger count must stay below, else nothing is said
 };
 
 // The chance that an unbiased renderer fails one of these tests. There are about a hundred: one in a hundred for all.
