@@ -7,8 +7,8 @@
 namespace spillway::pipeline {
 namespace {
 
-// Roulette starts where pbrt-v4's does; beyond kRouletteCapBounce even a lossless path ends where it is scattered, with the
-// stated chance.
+// Roulette starts where pbrt-v4's does; beyond kRouletteCapBounce even a lossless path ends where it is scattered, with
+// the stated chance.
 constexpr uint32_t kRouletteFirstBounce = 2;
 constexpr uint32_t kRouletteCapBounce = 16;
 constexpr float kRouletteSurvivalCap = 0.97f;
@@ -61,9 +61,9 @@ Corners corners_world(const cache::TriangleAttributes& triangle, const InstanceT
   return corners;
 }
 
-// Roundings (2^-24) between a place as computed here and the triangle's plane as the kernel meets it: the sums that lead
-// to the place and to the ray's origin (four of the place's coordinates), the differences, normal and products of the
-// kernel (about six of the triangle's size); twice that. An instance's place has passed two transforms besides.
+// Roundings (2^-24) between a place as computed here and the triangle's plane as the kernel meets it: the sums that
+// lead to the place and to the ray's origin (four of the place's coordinates), the differences, normal and products of
+// the kernel (about six of the triangle's size); twice that. An instance's place has passed two transforms besides.
 constexpr float kPlaceRoundings = 8 * 0x1p-24f, kSizeRoundings = 12 * 0x1p-24f, kMovedRoundings = 24 * 0x1p-24f;
 
 // Flat walls along the axes only err along their normal: far from the origin most errors lie in the plane.
@@ -158,15 +158,16 @@ void next_event(const PathSettings& settings, const HitRecord& hit, const Shadin
   const float weight = light.is_delta ? 1 : shading::power_heuristic(light.pdf_solid_angle, f.pdf_solid_angle);
   const Rgb contribution = hit.path.throughput * f.f_cos * light.radiance * (weight / light.pdf_solid_angle);
   if (is_black(contribution)) return;
-  const Float3 origin = shading::ray_origin(point.position, point.normal_geometric, light.w_next_world, point.apart_world);
+  const Float3 origin =
+      shading::ray_origin(point.position, point.normal_geometric, light.w_next_world, point.apart_world);
   out.shadow_ray = shadow_ray(origin, light, point.time);
   if (!(out.shadow_ray.t_max > 0)) return;
   out.shadow = {hit.path.sink, hit.path.sample, medium_beyond(point, light.w_next_world), hit.path.bounce, contribution};
   out.has_shadow = true;
 }
 
-// At a surface; beyond kRouletteCapBounce even a lossless path ends. Not where it is mirrored or passes smooth glass: through
-// a stack of panes hundreds of times, whose survivors would carry e^(0.03 n) and bring no picture in any time.
+// At a surface; beyond kRouletteCapBounce even a lossless path ends. Not where it is mirrored or passes smooth glass:
+// through a stack of panes it does hundreds of times, and survivors would carry e^(0.03 n): no picture in any time.
 float surface_cap(const PathRecord& path, bool is_delta) {
   return is_delta || path.bounce < kRouletteCapBounce ? 1.0f : kRouletteSurvivalCap;
 }
