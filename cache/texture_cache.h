@@ -35,6 +35,7 @@ struct ImageInfo {
   uint32_t texel_bytes;  // of one channel: 1 (8 bit) or 4 (float)
   float mean[4];         // linear, of the finest level
   uint64_t content;      // checksum of the finest level's texels
+  uint64_t not_finite;   // 1 + the number of the first texel that came infinite or as no number; 0: there is none
 };
 
 inline constexpr uint32_t kTileSize = 64;

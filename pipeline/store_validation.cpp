@@ -267,7 +267,7 @@ Status validate_images(const StoreTables& t, std::string_view where) {
     if (!is_file_name(image.file_name)) return damaged(where, section::kImages, i, "its file name is none");
     if (image.width == 0 || image.height == 0 || image.channels == 0 || image.channels > 4 || image.levels == 0 ||
         image.levels > 32 || (image.texel_bytes != 1 && image.texel_bytes != 4) ||
-        image.encoding > cache::TexelEncoding::srgb || !all_finite(image.mean))
+        image.encoding > cache::TexelEncoding::srgb || !all_finite(image.mean) || image.not_finite > uint64_t{image.width} * image.height)
       return damaged(where, section::kImages, i, "impossible numbers");
   }
   return {};

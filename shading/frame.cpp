@@ -1,9 +1,7 @@
 #include "shading/frame.h"
 
 #include <algorithm>
-#include <bit>
 #include <cmath>
-#include <cstdint>
 
 namespace spillway::shading {
 
@@ -23,19 +21,8 @@ Frame frame_from_z_and_tangent(Float3 z, Float3 tangent) {
   return {x, cross(z, x), z};
 }
 
-Float3 ray_origin(Float3 p, Float3 normal_geometric, Float3 direction, float scene_radius_world) {
-  // Waechter and Binder's constants: away from zero the step is a count of ulp, near zero a length.
-  constexpr float kIntegerScale = 256, kFloatScale = 1.0f / 65536, kNearZero = 1.0f / 32;
-  const float unit = std::min(1.0f, scene_radius_world);
-  const Float3 n = dot(normal_geometric, direction) < 0 ? -normal_geometric : normal_geometric;
-  Float3 moved;
-  for (int a = 0; a < 3; ++a) {
-    const auto steps = static_cast<int32_t>(kIntegerScale * n[a]);
-    const auto bits = std::bit_cast<int32_t>(p[a]);
-    moved[a] = std::fabs(p[a]) < kNearZero * unit ? p[a] + kFloatScale * unit * n[a]
-                                                  : std::bit_cast<float>(bits + (p[a] < 0 ? -steps : steps));
-  }
-  return moved;
+Float3 ray_origin(Float3 p, Float3 normal_geometric, Float3 direction, float distance) {
+  return p + normal_geometric * (dot(normal_geometric, direction) < 0 ? -distance : distance);
 }
 
 bool mirrors(const Affine3& transform) {

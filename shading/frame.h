@@ -17,10 +17,9 @@ struct Frame {
 // As above with x along the projection of `tangent` when that is not degenerate.
 [[nodiscard]] Frame frame_from_z_and_tangent(Float3 z, Float3 tangent);
 
-// The origin of a ray that leaves the surface at p on the side of `direction`: p moved along the geometric normal by a
-// few ulp (Waechter and Binder 2019, Ray Tracing Gems ch. 6). Near a coordinate's zero the step is a length, smaller
-// where the whole scene is smaller than one.
-[[nodiscard]] Float3 ray_origin(Float3 p, Float3 normal_geometric, Float3 direction, float scene_radius_world);
+// The origin of a ray that leaves the surface at p on the side of `direction`: p moved along the geometric normal by
+// `distance`, what p and the surface may be apart by rounding.
+[[nodiscard]] Float3 ray_origin(Float3 p, Float3 normal_geometric, Float3 direction, float distance);
 
 // Whether a transform turns right hands into left ones.
 [[nodiscard]] bool mirrors(const Affine3& transform);

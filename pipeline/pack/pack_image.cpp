@@ -96,6 +96,21 @@ Status check_spec(const OIIO::ImageSpec& spec, const std::string& source, uint64
   return {};
 }
 
+// An infinite texel would be no number under a filter's weight of nought, and all there is on coarser levels: it becomes the
+// largest half float, as files that hold halves have it, or black below nought. What is no number is black. The number of
+// the first such texel, plus one; 0: all are finite.
+uint64_t make_finite(Level& level) {
+  constexpr float kLargestHalf = 65504;
+  uint64_t first = 0;
+  for (size_t i = 0; i < level.texels.size(); ++i) {
+    float& texel = level.texels[i];
+    if (std::isfinite(texel)) continue;
+    texel = texel > 0 ? kLargestHalf : 0;
+    if (first == 0) first = i / level.channels + 1;
+  }
+  return first;
+}
+
 struct Decoded {
   cache::ImageInfo info{};
   Level level;
@@ -125,6 +140,7 @@ Result<Decoded> read_image(const std::string& source, cache::TexelEncoding encod
       for (float& t : d.level.texels) t = cache::linear_from_srgb(t);
   }
   if (!read) return error("{}: is damaged: {}", source, input->geterror());
+  if (d.info.texel_bytes == 4) d.info.not_finite = make_finite(d.level);
   return d;
 }
 

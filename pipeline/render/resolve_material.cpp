@@ -33,7 +33,7 @@ float alpha_of(const Material& m, Rgb roughness) {
   return m.remap_roughness ? std::sqrt(r) : r;
 }
 
-float unit(float x) { return std::min(std::max(x, 0.0f), 1.0f); }
+float unit(float x) { return x > 0 ? std::min(x, 1.0f) : 0; }  // 0 for what is no number
 Rgb unit(Rgb c) { return {unit(c.r), unit(c.g), unit(c.b)}; }
 
 // eta = 1 and the k that reflects r at normal incidence (pbrt-v4, ConductorMaterial).

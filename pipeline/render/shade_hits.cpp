@@ -151,13 +151,13 @@ class Shader {
     const HitRecord& hit = *q.hit;
     if (hit.is_shadow) {
       const size_t at = out.next_shadow(hit.path.sample);
-      out_.shadow_rays[at] = ray_beyond(inputs_.settings, hit, *q.point);
+      out_.shadow_rays[at] = ray_beyond(hit, *q.point);
       out_.shadows[at] = {hit.path.sink, hit.path.sample, medium_beyond(*q.point, hit.direction_world), hit.path.bounce,
                           hit.path.throughput};
       return;
     }
     const size_t at = out.next_path(hit.path.sample);
-    out_.path_rays[at] = ray_beyond(inputs_.settings, hit, *q.point);
+    out_.path_rays[at] = ray_beyond(hit, *q.point);
     out_.paths[at] = hit.path;
     out_.paths[at].cone_width = q.point->width_world;
     out_.paths[at].medium = medium_beyond(*q.point, hit.direction_world);

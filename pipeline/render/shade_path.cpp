@@ -7,7 +7,8 @@
 namespace spillway::pipeline {
 namespace {
 
-// Roulette starts where pbrt-v4's does; beyond kRouletteCapBounce even a lossless path ends, with the stated chance.
+// Roulette starts where pbrt-v4's does; beyond kRouletteCapBounce even a lossless path ends where it is scattered, with
+// the stated chance.
 constexpr uint32_t kRouletteFirstBounce = 2;
 constexpr uint32_t kRouletteCapBounce = 16;
 constexpr float kRouletteSurvivalCap = 0.97f;
@@ -47,6 +48,8 @@ Float3 shading_normal(const cache::TriangleAttributes& triangle, const HitRecord
 
 struct Corners {
   Float3 p[3];
+  // By way of the edges: what all corners share, the height of a floor say, stays exact.
+  [[nodiscard]] Float3 at(float u, float v) const { return p[0] + ((p[1] - p[0]) * u + (p[2] - p[0]) * v); }
 };
 
 Corners corners_world(const cache::TriangleAttributes& triangle, const InstanceTransform& instance) {
@@ -58,17 +61,38 @@ Corners corners_world(const cache::TriangleAttributes& triangle, const InstanceT
   return corners;
 }
 
+// Roundings (2^-24) between a place as computed here and the triangle's plane as the kernel meets it: the sums that
+// lead to the place and to the ray's origin (four of the place's coordinates), the differences, normal and products of
+// the kernel (about six of the triangle's size); twice that. An instance's place has passed two transforms besides.
+constexpr float kPlaceRoundings = 8 * 0x1p-24f, kSizeRoundings = 12 * 0x1p-24f, kMovedRoundings = 24 * 0x1p-24f;
+
+// Flat walls along the axes only err along their normal: far from the origin most errors lie in the plane.
+float apart_by_rounding(const Corners& corners, const InstanceTransform& instance, Float3 position, Float3 n) {
+  Float3 size{0, 0, 0};
+  for (const Float3& corner : corners.p)
+    for (int a = 0; a < 3; ++a) size[a] = std::max(size[a], std::fabs(corner[a] - position[a]));
+  if (instance.world_from_object != nullptr) {
+    const auto& m = instance.world_from_object->m;
+    return kMovedRoundings * (max_abs(position) + max_abs(size) + max_abs({m[0][3], m[1][3], m[2][3]}));
+  }
+  const auto along_normal = [&](Float3 v) {
+    return std::fabs(n.x * v.x) + std::fabs(n.y * v.y) + std::fabs(n.z * v.z);
+  };
+  return kPlaceRoundings * along_normal(position) + kSizeRoundings * along_normal(size);
+}
+
 }  // namespace
 
 ShadingPoint shading_point(const cache::TriangleAttributes& triangle, const HitRecord& hit,
                            const InstanceTransform& instance, bool flip_normals) {
   const Corners corners = corners_world(triangle, instance);
   ShadingPoint point;
-  point.position = interpolate(corners.p, hit.hit.u, hit.hit.v);
+  point.position = corners.at(hit.hit.u, hit.hit.v);
   Float3 n = normalize(cross(corners.p[1] - corners.p[0], corners.p[2] - corners.p[0]));
   const bool mirrored = instance.world_from_object != nullptr && shading::mirrors(*instance.world_from_object);
   if (flip_normals != mirrored) n = -n;
   point.normal_geometric = n;
+  point.apart_world = apart_by_rounding(corners, instance, point.position, n);
   point.normal_shading = shading_normal(triangle, hit, instance, n);
   static constexpr Float2 kDefaultUv[3] = {{0, 0}, {1, 0}, {1, 1}};  // pbrt-v4, Triangle without uv
   const Float2* uv = triangle.has_uvs ? triangle.uv : kDefaultUv;
@@ -134,16 +158,19 @@ void next_event(const PathSettings& settings, const HitRecord& hit, const Shadin
   const float weight = light.is_delta ? 1 : shading::power_heuristic(light.pdf_solid_angle, f.pdf_solid_angle);
   const Rgb contribution = hit.path.throughput * f.f_cos * light.radiance * (weight / light.pdf_solid_angle);
   if (is_black(contribution)) return;
-  const Float3 origin = shading::ray_origin(point.position, point.normal_geometric, light.w_next_world,
-                                            settings.lights.scene_radius_world);
+  const Float3 origin =
+      shading::ray_origin(point.position, point.normal_geometric, light.w_next_world, point.apart_world);
   out.shadow_ray = shadow_ray(origin, light, point.time);
   if (!(out.shadow_ray.t_max > 0)) return;
   out.shadow = {hit.path.sink, hit.path.sample, medium_beyond(point, light.w_next_world), hit.path.bounce, contribution};
   out.has_shadow = true;
 }
 
-// At a surface; beyond kRouletteCapBounce even a lossless path ends.
-float surface_cap(const PathRecord& path) { return path.bounce < kRouletteCapBounce ? 1.0f : kRouletteSurvivalCap; }
+// At a surface; beyond kRouletteCapBounce even a lossless path ends. Not where it is mirrored or passes smooth glass:
+// through a stack of panes it does hundreds of times, and survivors would carry e^(0.03 n): no picture in any time.
+float surface_cap(const PathRecord& path, bool is_delta) {
+  return is_delta || path.bounce < kRouletteCapBounce ? 1.0f : kRouletteSurvivalCap;
+}
 // Gas that loses nothing is left sooner or later, after thousands of collisions where it is thick: survivors of a cap
 // would then carry e^(0.03 n), whose variance has no bound.
 constexpr float kMediumCap = 1;
@@ -164,9 +191,9 @@ void spread_cone(PathRecord& path, float pdf_solid_angle) {
   path.cone_spread = std::max(path.cone_spread, 0.5f / std::sqrt(std::max(1.0f, pdf_solid_angle)));
 }
 
-void next_direction(const PathSettings& settings, const HitRecord& hit, const ShadingPoint& point,
-                    const SurfaceValues& surface, const shading::LightReceiver& receiver, const shading::Frame& frame,
-                    Float3 w_prev_local, const shading::BouncePoints& points, ShadedVertex& out) {
+void next_direction(const HitRecord& hit, const ShadingPoint& point, const SurfaceValues& surface,
+                    const shading::LightReceiver& receiver, const shading::Frame& frame, Float3 w_prev_local,
+                    const shading::BouncePoints& points, ShadedVertex& out) {
   const Float2 choose = points[shading::kBounceLobeAndRoulette];
   const shading::BsdfSample sample =
       shading::sample_bsdf(surface.bsdf, w_prev_local, points[shading::kBounceBsdf], choose.x);
@@ -175,15 +202,14 @@ void next_direction(const PathSettings& settings, const HitRecord& hit, const Sh
   path.bounce += 1;
   path.throughput *= sample.weight;
   path.eta_scale *= sample.eta_scale;
-  if (!survives_roulette(path, choose.y, surface_cap(path))) return;
+  if (!survives_roulette(path, choose.y, surface_cap(path, sample.is_delta))) return;
   path.pdf_previous = sample.is_delta ? 0 : sample.pdf_solid_angle;
   path.position_previous = receiver.position_world, path.normal_previous = receiver.packed_normal;
   path.cone_width = point.width_world;
   if (!sample.is_delta) spread_cone(path, sample.pdf_solid_angle);
   const Float3 w_next = frame.world_from_local(sample.w_next_local);
   path.medium = medium_beyond(point, w_next);
-  const Float3 origin =
-      shading::ray_origin(point.position, point.normal_geometric, w_next, settings.lights.scene_radius_world);
+  const Float3 origin = shading::ray_origin(point.position, point.normal_geometric, w_next, point.apart_world);
   out.path_ray = {origin, INFINITY, w_next, point.time};
   out.path = path;
   out.has_path = true;
@@ -203,7 +229,7 @@ ShadedVertex shade_vertex(const PathSettings& settings, const HitRecord& hit, co
   const shading::BouncePoints points =
       shading::sample_bounce(sample_key(hit.path, settings.seed, settings.sampler), hit.path.bounce);
   next_event(settings, hit, point, surface, receiver, frame, w_prev_local, points, out);
-  next_direction(settings, hit, point, surface, receiver, frame, w_prev_local, points, out);
+  next_direction(hit, point, surface, receiver, frame, w_prev_local, points, out);
   return out;
 }
 
@@ -272,9 +298,9 @@ bool stopped_by_alpha(const HitRecord& hit, uint32_t seed, float alpha) {
                             hit.hit.prim, event) < alpha;
 }
 
-cache::TraceRay ray_beyond(const PathSettings& settings, const HitRecord& hit, const ShadingPoint& point) {
-  const Float3 origin = shading::ray_origin(point.position, point.normal_geometric, hit.direction_world,
-                                            settings.lights.scene_radius_world);
+cache::TraceRay ray_beyond(const HitRecord& hit, const ShadingPoint& point) {
+  const Float3 origin =
+      shading::ray_origin(point.position, point.normal_geometric, hit.direction_world, point.apart_world);
   return {origin, hit.t_max - hit.hit.t, hit.direction_world, point.time};
 }
 

@@ -35,6 +35,7 @@ struct ShadingPoint {
   float width_world;        // footprint of the path's cone on a surface that faces it
   float width_uv;           // the same in uv units
   float time;               // of the path: the rays that leave keep it
+  float apart_world = 0;    // from the surface that the kernel sees, at most, by rounding: rays leave from beyond that
   // What a ray that leaves is in, by the side of normal_geometric that it leaves on.
   uint32_t medium_inside = kNoMedium, medium_outside = kNoMedium;
   const FacePoint* face = nullptr;  // of a mesh with face textures
@@ -90,7 +91,7 @@ struct ShadedVertex {
 
 // Emission met by chance, next-event estimation, and the next direction of the path.
 // Based on: Kajiya 1986; MIS with the power heuristic (Veach 1997, section 9.2); roulette as in pbrt-v4 section 13.4
-// except that survival is capped, so that lossless scenes end.
+// except that survival is capped where light is scattered, so that lossless scenes end.
 [[nodiscard]] ShadedVertex shade_vertex(const PathSettings& settings, const HitRecord& hit, const ShadingPoint& point,
                                         const SurfaceValues& surface);
 
@@ -105,7 +106,7 @@ struct ShadedVertex {
 [[nodiscard]] bool stopped_by_alpha(const HitRecord& hit, uint32_t seed, float alpha);
 
 // The same ray, going on behind the point it was let through.
-[[nodiscard]] cache::TraceRay ray_beyond(const PathSettings& settings, const HitRecord& hit, const ShadingPoint& point);
+[[nodiscard]] cache::TraceRay ray_beyond(const HitRecord& hit, const ShadingPoint& point);
 
 [[nodiscard]] inline shading::SampleKey sample_key(const PathRecord& path, uint32_t seed,
                                                    shading::SamplerKind sampler = shading::SamplerKind::sobol) {

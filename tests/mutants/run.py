@@ -23,7 +23,7 @@ import tempfile
 
 MUTANTS = pathlib.Path(__file__).resolve().parent
 SOURCES = MUTANTS.parent.parent
-LAYERS = ["shading", "cache", "pipeline", "tools"]  # the quickest first
+LAYERS = ["shading", "cache", "pipeline", "failures", "tools"]  # the quickest first
 TEST_SECONDS = 180  # as tests/run.sh allows; a hang counts as killed
 
 

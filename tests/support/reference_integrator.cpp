@@ -99,7 +99,7 @@ class Walker {
       SPILLWAY_TRY(resolve(hit));
       if (!query_.stopped) {
         path.medium = medium_beyond(point_, ray.direction_world);
-        ray = ray_beyond(s_.inputs.settings, hit, point_);
+        ray = ray_beyond(hit, point_);
         path.cone_width = point_.width_world;
         continue;
       }
@@ -144,7 +144,7 @@ class Walker {
       SPILLWAY_TRY(resolve(hit));
       if (query_.stopped) return {};
       shadow.medium = medium_beyond(point_, ray.direction_world);
-      ray = ray_beyond(s_.inputs.settings, hit, point_);
+      ray = ray_beyond(hit, point_);
     }
   }
 
