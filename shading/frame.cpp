@@ -1,5 +1,7 @@
 #include "shading/frame.h"
 
+#include "shading/trigonometry.h"
+
 #include <algorithm>
 #include <bit>
 #include <cmath>
@@ -36,6 +38,13 @@ Float3 ray_origin(Float3 p, Float3 normal_geometric, Float3 direction, float sce
                                                   : std::bit_cast<float>(bits + (p[a] < 0 ? -steps : steps));
   }
   return moved;
+}
+
+Float3 uniform_direction(Float2 u) {
+  const float z = 1 - 2 * u.x;
+  const float r = std::sqrt(std::max(0.0f, 1 - z * z));
+  const SinCos phi = sin_cos_turn(u.y);
+  return {r * phi.cos, r * phi.sin, z};
 }
 
 bool mirrors(const Affine3& transform) {

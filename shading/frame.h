@@ -1,6 +1,6 @@
 #pragma once
 
-// Orthonormal frames (Duff et al. 2017, Building an Orthonormal Basis, Revisited) robust ray origins, and handedness.
+// Orthonormal frames (Duff et al. 2017, Building an Orthonormal Basis, Revisited), robust ray origins, and handedness.
 
 #include "cache/base/vec.h"
 
@@ -21,6 +21,9 @@ struct Frame {
 // few ulp (Waechter and Binder 2019, Ray Tracing Gems ch. 6). Near a coordinate's zero the step is a length, smaller
 // where the whole scene is smaller than one.
 [[nodiscard]] Float3 ray_origin(Float3 p, Float3 normal_geometric, Float3 direction, float scene_radius_world);
+
+// Evenly over all directions; z falls with u.x.
+[[nodiscard]] Float3 uniform_direction(Float2 u);
 
 // Whether a transform turns right hands into left ones.
 [[nodiscard]] bool mirrors(const Affine3& transform);

@@ -10,6 +10,7 @@
 #include "pipeline/render/render_image.h"
 #include "pipeline/render/write_image.h"
 #include "tools/commands.h"
+#include "tools/method_names.h"
 #include "tools/open_scene.h"
 #include "tools/render_frames.h"
 #include "tools/sizes.h"
@@ -29,10 +30,10 @@ struct RenderArguments {
   std::string output, frames, memory, resolution, crop, report, trace, scratch, scratch_limit, spill = "auto";
   std::string page_share, attribute_share, texture_share, hit_sort;
   uint32_t spp = 0, seed = 0, threads = 0;
-  int max_depth = -1, light_selection = -1;
+  int max_depth = -1, light_selection = -1, estimator = -1, texture_filter = -1, majorants = -1;
   uint64_t wave_paths = 0;
   double time_limit = 0;
-  bool has_seed = false, independent = false, aovs = false, halves = false, direct = false, no_sort_rays = false,
+  bool has_seed = false, independent = false, aovs = false, halves = false, direct = false, no_sort_rays = false, no_roulette = false,
        json = false;
   bool no_read_ahead = false, no_resident_first = false, no_top_up = false;
   uint32_t hit_batch = 0;
@@ -62,6 +63,10 @@ Status override_settings(const RenderArguments& arguments, SceneSettings& settin
   if (arguments.has_seed) settings.render.seed = arguments.seed;
   if (arguments.independent) settings.render.sampler = shading::SamplerKind::independent;
   if (arguments.light_selection >= 0) settings.render.light_selection = static_cast<LightSelection>(arguments.light_selection);
+  if (arguments.estimator >= 0) settings.render.estimator = static_cast<Estimator>(arguments.estimator);
+  if (arguments.texture_filter >= 0) settings.render.texture_filter = static_cast<TextureFilter>(arguments.texture_filter);
+  if (arguments.majorants >= 0) settings.render.majorants = static_cast<MajorantExtent>(arguments.majorants);
+  if (arguments.no_roulette) settings.render.roulette = 0;
   if (!arguments.resolution.empty()) {
     SPILLWAY_ASSIGN(const Resolution r, parse_resolution(arguments.resolution));
     set_resolution(settings, r);
@@ -229,6 +234,14 @@ void add_scene_options(CLI::App& command, OpenSceneOptions& scene, std::string& 
   command.add_flag("-q,--quiet", scene.quiet, "errors only");
 }
 
+template <class Method>
+void add_method(CLI::App& command, const char* name, int& value, const std::map<std::string, Method>& names,
+                const char* about) {
+  std::map<std::string, int> numbers;
+  for (const auto& [text, method] : names) numbers[text] = static_cast<int>(method);
+  command.add_option(name, value, about)->transform(CLI::CheckedTransformer(numbers));
+}
+
 void add_meaning(CLI::App& command, RenderArguments& a) {
   command.add_option("--spp", a.spp, "samples a pixel [the scene's]")->check(CLI::Range(1u, 1u << 20));
   command.add_option("--max-depth", a.max_depth, "bounces [the scene's]")->check(CLI::Range(0, 10000));
@@ -237,12 +250,12 @@ void add_meaning(CLI::App& command, RenderArguments& a) {
   command.add_flag("--independent", a.independent, "independent samples, to measure the usual ones by: noisier");
   command.add_option_function<uint32_t>("--seed", [&a](uint32_t seed) { a.seed = seed, a.has_seed = true; },
                                         "another set of random numbers [the scene's]");
-  static const std::map<std::string, int> kSelections = {
-      {"tree", static_cast<int>(LightSelection::tree)},
-      {"power", static_cast<int>(LightSelection::power)},
-      {"uniform", static_cast<int>(LightSelection::uniform)}};
-  command.add_option("--light-selection", a.light_selection, "how lights are chosen: noise differs [the scene's, or tree]")
-      ->transform(CLI::CheckedTransformer(kSelections));
+  add_method(command, "--light-selection", a.light_selection, kLightSelections,
+             "how lights are chosen: noise differs [the scene's, or tree]");
+  add_method(command, "--estimator", a.estimator, kEstimators, "what is sampled at a vertex: noise differs [mis-power]");
+  add_method(command, "--texture-filter", a.texture_filter, kTextureFilters, "of all images alike [of-texture]");
+  add_method(command, "--majorants", a.majorants, kMajorants, "what a bound of a medium's density is taken over [cell]");
+  command.add_flag("--no-roulette", a.no_roulette, "follow dim paths to the last bounce");
   command.add_flag("--aov", a.aovs, "depth, normal, albedo and id layers");
 }
 
