@@ -114,6 +114,7 @@ TEST_F(SameBits, for_any_way_of_choosing_lights_with_and_without_a_tree) {
 TEST_F(SameBits, for_every_estimator_filter_and_bound_of_media) {
   SmallSceneOptions with_media;
   with_media.has_media = true;
+  with_media.volume_brick_voxels = 16;  // of eight cells
   const auto store = pack_small_scene(directory_->path(), "gas", with_media);
   ASSERT_TRUE(store) << store.error().message;
   const auto tracer = kernel_tracer(*store);
