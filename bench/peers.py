@@ -4,13 +4,15 @@
 usage: bench/peers.py -o peers.csv [--spp 16,64,256] [--seeds 3] [--scenes box,lamps] [--city FOLDER]
                       [--variants llvm_ad_rgb,scalar_rgb] [--spillway build/spillway]
 
-The scenes are those of tests/twins, written for both renderers, held against tests/images; with --city also a folder of
-`spillway city --tessellate`, converted by tools/city_to_mitsuba.py, held against Mitsuba's own picture of --reference-spp
-samples with another seed (materials differ a little between the two, so that an error against either one's picture favours it:
-read that column with care). Renderers take turns, each in a process of its own, whose highest resident set is taken; seconds are
-those of the second of two renders of one process for Mitsuba (its first one compiles), of the frame for Spillway.
+The scenes are those of tests/twins, written for both renderers, held against tests/images; with --city also a folder
+of `spillway city --tessellate`, converted by tools/city_to_mitsuba.py, held against Mitsuba's own picture of
+--reference-spp samples with another seed: materials differ a little between the two, so that an error against either
+one's picture favours it. Renderers take turns, each in a process of its own, whose highest resident set is taken.
+Seconds are those of the second of two renders of one process for Mitsuba, whose first one compiles, and of the frame
+for Spillway.
 
-Without the package mitsuba (pip install mitsuba numpy OpenEXR) it says so and writes the header alone.
+A variant that does not run is left out with a line. Without the package mitsuba (pip install mitsuba numpy OpenEXR) it
+says so and writes the header alone.
 """
 
 import argparse
@@ -28,6 +30,15 @@ ROOT = pathlib.Path(__file__).resolve().parent.parent
 HEADER = 'scene,renderer,spp,seed,seconds,peak_bytes,rel_mse,flip'
 
 
+def twin_scenes(mi):
+    """SCENES of make_twins.py, made for the variant that is set: its own choice of one is left out."""
+    path = ROOT / 'tests' / 'twins' / 'make_twins.py'
+    source = path.read_text().replace('mi.set_variant("scalar_rgb")', 'pass')
+    names = {'__file__': str(path), '__name__': 'twins'}
+    exec(compile(source, str(path), 'exec'), names)
+    return names['SCENES']
+
+
 def child_mitsuba(job):
     """In a process of its own: renders twice, writes the second, prints seconds and the highest resident set."""
     import mitsuba as mi
@@ -37,11 +48,8 @@ def child_mitsuba(job):
     if 'city' in job:
         scene = mi.load_file(job['city'])
     else:
-        sys.path.insert(0, str(ROOT / 'tests' / 'twins'))
-        source = (ROOT / 'tests' / 'twins' / 'make_twins.py').read_text().replace('mi.set_variant("scalar_rgb")', 'pass')
-        twins = {'__file__': str(ROOT / 'tests' / 'twins' / 'make_twins.py'), '__name__': 'twins'}
-        exec(compile(source, 'make_twins.py', 'exec'), twins)
-        scene = mi.load_dict({'type': 'scene', 'integrator': {'type': 'path', 'max_depth': 65}, **twins['SCENES'][job['scene']]})
+        integrator = {'type': 'path', 'max_depth': 65}
+        scene = mi.load_dict({'type': 'scene', 'integrator': integrator, **twin_scenes(mi)[job['scene']]})
     for seed in (job['seed'] + 1000, job['seed']):
         begin = time.perf_counter()
         image = np.array(mi.render(scene, spp=job['spp'], seed=seed), dtype=np.float32)
@@ -52,21 +60,33 @@ def child_mitsuba(job):
 
 
 def mitsuba(job):
-    done = subprocess.run([sys.executable, __file__, '--child', json.dumps(job)], stdout=subprocess.PIPE, text=True, check=True)
+    command = [sys.executable, __file__, '--child', json.dumps(job)]
+    done = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=True)
     return json.loads(done.stdout.splitlines()[-1])
+
+
+def runs(variant, work):
+    """Whether a variant renders anything here: the ones on LLVM want a library of the system's that they understand."""
+    try:
+        mitsuba({'spp': 1, 'seed': 1, 'scene': 'box', 'variant': variant, 'output': os.path.join(work, 'probe.exr')})
+        return True
+    except subprocess.CalledProcessError:
+        print(f'peers: skipped: Mitsuba 3 does not run as {variant} here', file=sys.stderr)
+        return False
 
 
 def spillway(program, scene, store, job, options=()):
     report = job['output'] + '.json'
-    subprocess.run([program, 'render', str(scene), '--store', store, '-o', job['output'], '--spp', str(job['spp']), '--seed',
-                    str(job['seed']), '--report', report, '-q', *options], check=True)
+    subprocess.run([program, 'render', str(scene), '--store', store, '-o', job['output'], '--spp', str(job['spp']),
+                    '--seed', str(job['seed']), '--report', report, '-q', *options], check=True)
     facts = json.loads(pathlib.Path(report).read_text())
-    return {'seconds': facts['seconds'], 'peak_bytes': facts['resident_peak_bytes']}
+    return {'seconds': facts['seconds'], 'peak_bytes': facts['memory']['resident_peak_bytes']}
 
 
 def errors(program, picture, reference):
     """compare exits with 1 where pictures differ, which these do."""
-    done = subprocess.run([program, 'compare', picture, reference, '--json'], stdout=subprocess.PIPE, text=True, check=False)
+    command = [program, 'compare', picture, reference, '--json']
+    done = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=False)
     facts = json.loads(done.stdout)
     return facts['rel_mse'], facts['flip']
 
@@ -96,19 +116,23 @@ class Table:
             self.add(name, 'Spillway', job, reference,
                      spillway(self.arguments.spillway, scene, os.path.join(self.work, name + '.store'), job))
             for variant in self.arguments.variants:
-                self.add(name, 'Mitsuba 3 ' + variant, job, reference, mitsuba({**job, 'scene': name, 'variant': variant}))
+                measured = mitsuba({**job, 'scene': name, 'variant': variant})
+                self.add(name, 'Mitsuba 3 ' + variant, job, reference, measured)
 
     def city(self, folder):
         xml, reference = os.path.join(self.work, 'city.xml'), os.path.join(self.work, 'reference.exr')
         resolution = ['--resolution', self.arguments.resolution]
-        subprocess.run([sys.executable, str(ROOT / 'tools' / 'city_to_mitsuba.py'), folder, '-o', xml, *resolution], check=True)
+        converter = str(ROOT / 'tools' / 'city_to_mitsuba.py')
+        subprocess.run([sys.executable, converter, folder, '-o', xml, *resolution], check=True)
         mitsuba({'city': xml, 'variant': self.arguments.variants[0], 'spp': self.arguments.reference_spp, 'seed': 77,
                  'output': reference})
         for job in self.jobs():
-            self.add('city', 'Spillway', job, reference, spillway(self.arguments.spillway, os.path.join(folder, 'city.pbrt'),
-                                                                  os.path.join(self.work, 'city.store'), job, resolution))
+            measured = spillway(self.arguments.spillway, os.path.join(folder, 'city.pbrt'),
+                                os.path.join(self.work, 'city.store'), job, resolution)
+            self.add('city', 'Spillway', job, reference, measured)
             for variant in self.arguments.variants:
-                self.add('city', 'Mitsuba 3 ' + variant, job, reference, mitsuba({**job, 'city': xml, 'variant': variant}))
+                measured = mitsuba({**job, 'city': xml, 'variant': variant})
+                self.add('city', 'Mitsuba 3 ' + variant, job, reference, measured)
 
 
 def main():
@@ -130,9 +154,10 @@ def main():
     missing = [name for name in ('mitsuba', 'numpy', 'OpenEXR') if importlib.util.find_spec(name) is None]
     lines = [HEADER]
     if missing:
-        print(f'peers: skipped: the packages {", ".join(missing)} are not there (pip install mitsuba numpy OpenEXR)', file=sys.stderr)
+        print(f'peers: skipped: there is no {", ".join(missing)} (pip install mitsuba numpy OpenEXR)', file=sys.stderr)
     else:
         with tempfile.TemporaryDirectory() as work:
+            arguments.variants = [variant for variant in arguments.variants if runs(variant, work)]
             table = Table(arguments, work)
             for name in arguments.scenes:
                 table.twin(name)

@@ -92,6 +92,8 @@ struct LightSample {
   const float a = pdf * pdf, b = other_pdf * other_pdf;
   return a > 0 ? a / (a + b) : 0;
 }
-[[nodiscard]] inline float balance_heuristic(float pdf, float other_pdf) { return pdf > 0 ? pdf / (pdf + other_pdf) : 0; }
+[[nodiscard]] inline float balance_heuristic(float pdf, float other_pdf) {
+  return pdf > 0 ? pdf / (pdf + other_pdf) : 0;
+}
 
 }  // namespace spillway::shading

@@ -51,7 +51,8 @@ lab::OpenStore opener(const LabArguments& a, size_t index) {
     OpenSceneOptions scene;
     scene.scene = a.scenes[index], scene.lenient = a.lenient, scene.quiet = true, scene.edge_length_px = edge_length_px;
     const std::string name = fmt::format("{}_{}", index, a.scenes[index].stem().string());
-    scene.store_directory = a.output / "stores" / (edge_length_px > 0 ? fmt::format("{}_{}.store", name, edge_length_px) : name + ".store");
+    scene.store_directory =
+        a.output / "stores" / (edge_length_px > 0 ? fmt::format("{}_{}.store", name, edge_length_px) : name + ".store");
     return open_scene(scene);
   };
 }
@@ -60,7 +61,8 @@ Result<std::vector<lab::SceneResult>> run_scenes(const LabArguments& a) {
   std::vector<lab::SceneResult> results;
   for (size_t i = 0; i < a.scenes.size(); ++i) {
     const bool can_pack = a.scenes[i].extension() == ".pbrt";
-    SPILLWAY_ASSIGN(auto result, lab::run_experiment(a.scenes[i].stem().string(), opener(a, i), can_pack, a.experiment));
+    SPILLWAY_ASSIGN(auto result,
+                    lab::run_experiment(a.scenes[i].stem().string(), opener(a, i), can_pack, a.experiment));
     results.push_back(std::move(result));
   }
   return results;
@@ -82,7 +84,8 @@ Result<int> run_lab(LabArguments& a) {
   if (!a.quiet) a.experiment.tell = [](const std::string& line) { fmt::print(stderr, "{}\n", line); };
   SPILLWAY_ASSIGN(const auto results, run_scenes(a));
   const int threads = a.threads ? static_cast<int>(a.threads) : tbb::this_task_arena::max_concurrency();
-  SPILLWAY_TRY(lab::write_lab(a.output, {results, peers.rows, a.command, peers.remark, threads, a.experiment.seed_count}));
+  SPILLWAY_TRY(
+      lab::write_lab(a.output, {results, peers.rows, a.command, peers.remark, threads, a.experiment.seed_count}));
   if (!a.quiet) fmt::print(stderr, "{}\n", (a.output / "index.html").string());
   return lab::has_defect(results) ? kExitDifferent : kExitOk;
 }
@@ -103,15 +106,22 @@ void add_lab_command(CLI::App& app, int& exit_code) {
   LabArguments& a = *arguments;
   command->add_option("scenes", a.scenes, "scenes or stores; none: the first section of the page alone");
   command->add_option("-o,--output", a.output, "a folder for index.html, the charts and the numbers")->required();
-  command->add_option("--axis", a.axes, fmt::format("what is compared, of {} [all]", fmt::join(lab::axis_names(), ", ")))->delimiter(',');
-  command->add_option("--spp", a.experiment.spps, "sample counts [1,4,16,64]")->delimiter(',')->check(CLI::Range(1u, 65536u));
+  command
+      ->add_option("--axis", a.axes, fmt::format("what is compared, of {} [all]", fmt::join(lab::axis_names(), ", ")))
+      ->delimiter(',');
+  command->add_option("--spp", a.experiment.spps, "sample counts [1,4,16,64]")
+      ->delimiter(',')
+      ->check(CLI::Range(1u, 65536u));
   command->add_option("--seeds", a.experiment.seed_count, "independent pictures of each; bands want three or more [4]")
       ->check(CLI::Range(1u, 1000u));
-  command->add_option("--reference-spp", a.experiment.reference_spp, "of our own references [1024]")->check(CLI::Range(2u, 131072u));
-  command->add_option("--reference", a.experiment.reference_file, "a picture of another renderer instead, linear, of the same size");
+  command->add_option("--reference-spp", a.experiment.reference_spp, "of our own references [1024]")
+      ->check(CLI::Range(2u, 131072u));
+  command->add_option("--reference", a.experiment.reference_file,
+                      "a picture of another renderer instead, linear, of the same size");
   add_parsed(*command, "--resolution", a.resolution, parse_resolution, "WIDTHxHEIGHT [the scene's]");
   command->add_option("--max-depth", a.max_depth, "bounces [the scene's]")->check(CLI::Range(0, 10000));
-  command->add_option("--memory-limits", a.memory_limits, "budgets of the axis memory, such as 256MiB,1GiB [planned]")->delimiter(',');
+  command->add_option("--memory-limits", a.memory_limits, "budgets of the axis memory, such as 256MiB,1GiB [planned]")
+      ->delimiter(',');
   command->add_option("--peers", a.peers, "what bench/peers.py measured of other renderers");
   command->add_option("--threads", a.threads, "[all cores]")->check(CLI::Range(1u, 1024u));
   command->add_flag("--lenient", a.lenient, "warn about what can be ignored of a scene instead of refusing");

@@ -25,9 +25,8 @@ inline const std::map<std::string, pipeline::TextureFilter> kTextureFilters = {
     {"bilinear", pipeline::TextureFilter::bilinear},
     {"trilinear", pipeline::TextureFilter::trilinear}};
 
-inline const std::map<std::string, pipeline::MajorantExtent> kMajorants = {
-    {"cell", pipeline::MajorantExtent::cell},
-    {"brick", pipeline::MajorantExtent::brick},
-    {"grid", pipeline::MajorantExtent::grid}};
+inline const std::map<std::string, pipeline::MajorantExtent> kMajorants = {{"cell", pipeline::MajorantExtent::cell},
+                                                                           {"brick", pipeline::MajorantExtent::brick},
+                                                                           {"grid", pipeline::MajorantExtent::grid}};
 
 }  // namespace spillway::tools

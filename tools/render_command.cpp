@@ -58,7 +58,8 @@ Status override_settings(const RenderArguments& arguments, SceneSettings& settin
   if (arguments.independent) settings.render.sampler = shading::SamplerKind::independent;
   if (arguments.light_selection >= 0) settings.render.light_selection = static_cast<LightSelection>(arguments.light_selection);
   if (arguments.estimator >= 0) settings.render.estimator = static_cast<Estimator>(arguments.estimator);
-  if (arguments.texture_filter >= 0) settings.render.texture_filter = static_cast<TextureFilter>(arguments.texture_filter);
+  if (arguments.texture_filter >= 0)
+    settings.render.texture_filter = static_cast<TextureFilter>(arguments.texture_filter);
   if (arguments.majorants >= 0) settings.render.majorants = static_cast<MajorantExtent>(arguments.majorants);
   if (arguments.no_roulette) settings.render.roulette = 0;
   if (arguments.resolution) set_resolution(settings, *arguments.resolution);
@@ -252,9 +253,11 @@ void add_meaning(CLI::App& command, RenderArguments& a) {
                                         "another set of random numbers [the scene's]");
   add_method(command, "--light-selection", a.light_selection, kLightSelections,
              "how lights are chosen: noise differs [the scene's, or tree]");
-  add_method(command, "--estimator", a.estimator, kEstimators, "what is sampled at a vertex: noise differs [mis-power]");
+  add_method(command, "--estimator", a.estimator, kEstimators,
+             "what is sampled at a vertex: noise differs [mis-power]");
   add_method(command, "--texture-filter", a.texture_filter, kTextureFilters, "of all images alike [of-texture]");
-  add_method(command, "--majorants", a.majorants, kMajorants, "what a bound of a medium's density is taken over [cell]");
+  add_method(command, "--majorants", a.majorants, kMajorants,
+             "what a bound of a medium's density is taken over [cell]");
   command.add_flag("--no-roulette", a.no_roulette, "follow dim paths to the last bounce");
   command.add_flag("--aov", a.aovs, "depth, normal, albedo and id layers");
 }

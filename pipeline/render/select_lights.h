@@ -1,6 +1,7 @@
 #pragma once
 
-// The light table of a store for one way of choosing lights and points on them (RenderSettings::light_selection, estimator).
+// The light table of a store for one way of choosing lights and points on them (RenderSettings::light_selection,
+// estimator).
 
 #include "cache/base/memory.h"
 #include "pipeline/store.h"

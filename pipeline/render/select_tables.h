@@ -1,8 +1,8 @@
 #pragma once
 
-// Tables of the store with what RenderSettings change of them, to measure the store's own by: how images are filtered, and
-// how tight the bounds of media are. Own nothing where the settings leave the store's; views last as long as this and the
-// store.
+// Tables of the store with what RenderSettings change of them, to measure the store's own by: how images are filtered,
+// and how tight the bounds of media are. Own nothing where the settings leave the store's; views last as long as this
+// and the store.
 
 #include "cache/base/memory.h"
 #include "pipeline/store.h"

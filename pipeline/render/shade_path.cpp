@@ -264,8 +264,9 @@ ShadedVertex shade_medium(const PathSettings& settings, const HitRecord& hit) {
   const shading::BouncePoints points = shading::sample_bounce(key, hit.path.bounce);
   next_event_in_medium(settings, hit, g, time, points, out);
   const bool evenly = settings.estimator == Estimator::hemisphere;
-  const Float3 w_next = evenly ? shading::uniform_direction(points[shading::kBounceBsdf])
-                               : shading::sample_henyey_greenstein(g, hit.direction_world, points[shading::kBounceBsdf]);
+  const Float2 u = points[shading::kBounceBsdf];
+  const Float3 w_next =
+      evenly ? shading::uniform_direction(u) : shading::sample_henyey_greenstein(g, hit.direction_world, u);
   const float phase = shading::henyey_greenstein(g, dot(hit.direction_world, w_next));
   out.path = hit.path;
   if (evenly) out.path.throughput = out.path.throughput * (phase * 4 * shading::kPi);

@@ -143,7 +143,7 @@ TEST(Bsdf, the_mean_weight_is_the_integral_of_the_value) {
   }
 }
 
-// Both ways of sampling have one mean: also of surfaces that are mirrors in part or whole, seen from inside of glass too.
+// Both ways of sampling have one mean: also of surfaces that are mirrors in part or whole, and from inside of glass.
 TEST(Bsdf, directions_spread_evenly_have_the_same_mean_weight) {
   std::vector<Case> cases = continuous_cases();
   cases.push_back({"mirror", params(BsdfKind::conductor, 0, 0)});
@@ -158,14 +158,18 @@ TEST(Bsdf, directions_spread_evenly_have_the_same_mean_weight) {
       double sum[2] = {0, 0}, squares[2] = {0, 0};
       for (int i = 0; i < kSamples; ++i) {
         const float x = u(), y = u(), lobe = u();
-        const BsdfSample samples[] = {sample_bsdf(c.bsdf, w_prev, {x, y}, lobe), sample_evenly(c.bsdf, w_prev, {x, y}, lobe)};
-        for (int k = 0; k < 2; ++k) sum[k] += samples[k].weight.g, squares[k] += double{samples[k].weight.g} * samples[k].weight.g;
-        ASSERT_TRUE(samples[1].is_transmission == (samples[1].w_next_local.z * w_prev.z < 0) || samples[1].weight.g == 0);
+        const BsdfSample evenly = sample_evenly(c.bsdf, w_prev, {x, y}, lobe);
+        const double weights[] = {sample_bsdf(c.bsdf, w_prev, {x, y}, lobe).weight.g, evenly.weight.g};
+        for (int k = 0; k < 2; ++k) sum[k] += weights[k], squares[k] += weights[k] * weights[k];
+        ASSERT_TRUE(evenly.is_transmission == (evenly.w_next_local.z * w_prev.z < 0) || evenly.weight.g == 0);
       }
       double variance = 0;
-      for (int k = 0; k < 2; ++k) variance += std::max(0.0, squares[k] / kSamples - sum[k] * sum[k] / kSamples / kSamples) / kSamples;
+      for (int k = 0; k < 2; ++k) {
+        const double mean = sum[k] / kSamples;
+        variance += std::max(0.0, squares[k] / kSamples - mean * mean) / kSamples;
+      }
       // Five standard errors of some forty comparisons, and the rounding of sums.
-      EXPECT_NEAR(sum[1] / kSamples, sum[0] / kSamples, 5 * std::sqrt(variance) + 1e-6) << c.name << " from z " << w_prev.z;
+      EXPECT_NEAR(sum[1] / kSamples, sum[0] / kSamples, 5 * std::sqrt(variance) + 1e-6) << c.name << " z " << w_prev.z;
     }
 }
 

@@ -11,6 +11,7 @@
 #include <sstream>
 
 #include "tests/support/small_scene.h"
+#include "tools/metrics/picture.h"
 
 namespace spillway::tools {
 namespace {
@@ -70,15 +71,48 @@ TEST_F(LabCommand, all_axes_of_a_scene_become_one_page_that_needs_no_other) {
   ASSERT_EQ(ended.code, 0) << ended.said;
   const std::string page = text("out/index.html");
   EXPECT_TRUE(page.starts_with("<!DOCTYPE html>") && page.ends_with("</html>\n"));
-  for (const char* part : {"First principles", "What is sampled at a vertex", "Direct light", "Samplers", "How a light is chosen",
-                           "Russian roulette", "Texture filters", "Bounds of a medium", "memory limit", "size of a wave", "slope",
-                           "efficiency", "data:image/png;base64,", "<svg", "have the same bits"})
+  for (const char* part :
+       {"First principles", "What is sampled at a vertex", "Direct light", "Samplers", "How a light is chosen",
+        "Russian roulette", "Texture filters", "Bounds of a medium", "memory limit", "size of a wave", "slope",
+        "efficiency", "data:image/png;base64,", "<svg", "have the same bits"})
     EXPECT_NE(page.find(part), std::string::npos) << part;
   // Nothing is loaded from elsewhere, nothing runs.
   for (const char* part : {"<script", "src=\"http", "href=\"http", "@import", "url(", "nan", "DEFECT"})
     EXPECT_EQ(page.find(part), std::string::npos) << part;
   for (const auto& entry : fs::recursive_directory_iterator(folder_ / "out"))
     EXPECT_EQ(entry.path().string().find(".tmp"), std::string::npos) << entry.path();
+}
+
+// The first browser of the path.
+std::string browser() {
+  for (const char* name : {"chromium", "chromium-browser", "google-chrome"})
+    if (std::system(("command -v " + std::string(name) + " > /dev/null 2>&1").c_str()) == 0) return name;
+  return {};
+}
+
+TEST_F(LabCommand, a_browser_without_a_network_shows_the_page) {
+  const std::string program = browser();
+  if (program.empty()) GTEST_SKIP() << "no chromium on this machine: the page is not looked at";
+  ASSERT_EQ(lab(box_ + small_ + "--axis samplers -q").code, 0);
+  const std::string out = (folder_ / "out").string();
+  const std::string command =
+      program + " --headless --no-sandbox --disable-gpu --hide-scrollbars --user-data-dir=" + out +
+      "/profile --host-resolver-rules='MAP * ~NOTFOUND' --window-size=1500,2600 --screenshot=" + out +
+      "/page.png file://" + out + "/index.html > /dev/null 2>&1";
+  ASSERT_EQ(std::system(command.c_str()), 0) << command;
+  const auto picture = read_picture(folder_ / "out" / "page.png");
+  ASSERT_TRUE(picture) << picture.error().message;
+  ASSERT_EQ(picture->width, 1500);
+  // What only charts, verdicts and pictures have: the colours of two series, and enough that is not the paper.
+  size_t blue = 0, red = 0, ink = 0;
+  for (const Rgb& p : picture->pixels) {
+    ink += p.g < 0.8f;
+    blue += p.r < 0.01f && p.g > 0.15f && p.g < 0.18f && p.b > 0.42f && p.b < 0.47f;  // #0072b2
+    red += p.r > 0.63f && p.r < 0.68f && p.g > 0.1f && p.g < 0.12f && p.b < 0.01f;    // #d55e00
+  }
+  EXPECT_GT(blue, 1000u);
+  EXPECT_GT(red, 1000u);
+  EXPECT_GT(ink, picture->pixels.size() / 50);
 }
 
 TEST_F(LabCommand, rows_say_what_was_rendered_and_seeds_are_independent) {
@@ -93,12 +127,13 @@ TEST_F(LabCommand, rows_say_what_was_rendered_and_seeds_are_independent) {
     ++hashes[rows[i][1]][rows[i][12]];
     if (rows[i][3] == "4") error_of_four[rows[i][2]] += std::stod(rows[i][7]) / 2;
     EXPECT_EQ(std::stod(rows[i][5]), 24 * 16 * std::stod(rows[i][3]));
-    EXPECT_GT(std::stod(rows[i][6]), 0);                                        // seconds
-    EXPECT_GT(std::stod(rows[i][9]), 0);                                        // the store was read
-    EXPECT_GT(std::stod(rows[i][11]), 1 << 20);                                 // resident
+    EXPECT_GT(std::stod(rows[i][6]), 0);         // seconds
+    EXPECT_GT(std::stod(rows[i][9]), 0);         // the store was read
+    EXPECT_GT(std::stod(rows[i][11]), 1 << 20);  // resident
     EXPECT_LT(std::stod(rows[i][11]), 4e9);
   }
-  // Five estimators, two sample counts, two seeds: no two pictures alike. Memory: four limits and the same four pictures.
+  // Five estimators, two sample counts, two seeds: no two pictures alike. Memory: four limits and the same four
+  // pictures.
   EXPECT_EQ(hashes["estimators"].size(), 20u);
   EXPECT_EQ(hashes["memory"].size(), 4u);
   // Even directions hardly find the lamp: several times the error.
@@ -112,7 +147,8 @@ TEST_F(LabCommand, an_image_of_another_renderer_is_a_reference) {
   EXPECT_NE(text("out/index.html").find("reference: box.exr"), std::string::npos);
   const auto rows = table(text("out/summary.csv"));
   ASSERT_EQ(rows.size(), 5u);
-  EXPECT_LT(std::stod(rows[2][7]), std::stod(rows[1][7]) / 8);  // sixteen times the samples: it converges to the other's picture
+  EXPECT_LT(std::stod(rows[2][7]),
+            std::stod(rows[1][7]) / 8);  // sixteen times the samples: it converges to the other's picture
 }
 
 TEST_F(LabCommand, without_a_scene_it_is_the_first_section_alone) {
@@ -133,7 +169,8 @@ TEST_F(LabCommand, what_makes_no_sense_is_refused_and_leaves_no_page) {
   expect_refused(box_ + "-o out --spp 0", 2, "--spp");
   expect_refused(box_ + "-o out --spp 1,x", 2, "--spp");
   expect_refused(box_ + small_ + "--reference none.exr --axis samplers", 3, "none.exr");
-  expect_refused(box_ + small_ + "--reference " SPILLWAY_SOURCE_DIR "/tests/images/box.exr --axis samplers", 3, "48 x 32");
+  expect_refused(box_ + small_ + "--reference " SPILLWAY_SOURCE_DIR "/tests/images/box.exr --axis samplers", 3,
+                 "48 x 32");
   expect_refused(box_ + box_ + small_ + "--reference a.exr", 2, "--reference is of one scene");
   expect_refused(box_ + small_ + "--peers none.csv", 3, "none.csv");
   expect_refused(box_ + small_ + "--axis memory --memory-limits 1MiB", 3, "budget");

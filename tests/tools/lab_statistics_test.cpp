@@ -74,7 +74,8 @@ TEST(LabStatistics, the_variance_over_seeds_is_weighed_as_the_error_is) {
   EXPECT_EQ(one.relative_to(flat(1)), 0);
 }
 
-Measurement row(const char* configuration, uint32_t spp, uint32_t seed, double seconds, double error, const char* hash = "a") {
+Measurement row(const char* configuration, uint32_t spp, uint32_t seed, double seconds, double error,
+                const char* hash = "a") {
   Measurement m;
   m.configuration = configuration, m.spp = spp, m.seed = seed, m.samples = spp * 100.0;
   m.seconds = seconds, m.rel_mse = error, m.flip = std::sqrt(error), m.image_hash = hash;
@@ -87,7 +88,8 @@ Curve curve(const char* name, double seconds_a_sample, double error_of_one) {
   std::vector<Measurement> all;
   for (const uint32_t spp : {1u, 4u, 16u, 64u}) {
     std::vector<Measurement> rows;
-    for (uint32_t seed = 1; seed <= 3; ++seed) rows.push_back(row(name, spp, seed, seconds_a_sample * spp, error_of_one / spp));
+    for (uint32_t seed = 1; seed <= 3; ++seed)
+      rows.push_back(row(name, spp, seed, seconds_a_sample * spp, error_of_one / spp));
     c.points.push_back(curve_point(rows, error_of_one / spp, 1e-5));
     all.insert(all.end(), rows.begin(), rows.end());
   }
@@ -104,7 +106,8 @@ TEST(LabStatistics, twice_the_error_at_the_same_speed_takes_twice_the_time) {
   EXPECT_NEAR(result.curves[1].equal_error_seconds / result.curves[0].equal_error_seconds, 2, 1e-9);
   EXPECT_NEAR(result.curves[2].equal_error_seconds / result.curves[0].equal_error_seconds, 0.5, 1e-9);
   EXPECT_NEAR(result.curves[0].points[1].efficiency, 1 / (0.25 * 2), 1e-9);
-  EXPECT_TRUE(verdict(result).starts_with("To an error of 0.125: c in 2 s, a in 2.00 times that, b in 4.00")) << verdict(result);
+  EXPECT_TRUE(verdict(result).starts_with("To an error of 0.125: c in 2 s, a in 2.00 times that, b in 4.00"))
+      << verdict(result);
 }
 
 TEST(LabStatistics, points_in_the_noise_of_the_reference_are_left_out_of_slopes) {
@@ -123,13 +126,15 @@ TEST(LabStatistics, points_in_the_noise_of_the_reference_are_left_out_of_slopes)
 }
 
 TEST(LabStatistics, pictures_that_must_be_equal_and_are_not_are_a_defect) {
-  EXPECT_TRUE(equality_of_bits(std::vector{row("a", 1, 1, 1, 1), row("b", 1, 1, 1, 1), row("a", 1, 2, 1, 1, "c")}).starts_with("All 2"));
+  EXPECT_TRUE(equality_of_bits(std::vector{row("a", 1, 1, 1, 1), row("b", 1, 1, 1, 1), row("a", 1, 2, 1, 1, "c")})
+                  .starts_with("All 2"));
   EXPECT_TRUE(equality_of_bits(std::vector{row("a", 1, 1, 1, 1), row("b", 1, 1, 1, 1, "x")}).starts_with("DEFECT"));
 }
 
 TEST(LabChart, holds_its_points_and_nothing_that_a_page_could_trip_over) {
   Chart chart{.title = "a < b & \"c\"", .x_title = "x", .y_title = "y", .series = {}};
-  chart.series = {{"one", {{1, 10, 8, 12}, {10, 1, 0.8, 1.2}, {100, 0, 0, 0}}}, {"theory", {{1, 10}, {100, 0.1}}, true}};
+  chart.series = {{"one", {{1, 10, 8, 12}, {10, 1, 0.8, 1.2}, {100, 0, 0, 0}}},
+                  {"theory", {{1, 10}, {100, 0.1}}, true}};
   const std::string svg = to_svg(chart);
   EXPECT_NE(svg.find("a &lt; b &amp; &quot;c&quot;"), std::string::npos);
   EXPECT_EQ(svg.find("nan"), std::string::npos);
@@ -148,7 +153,8 @@ TEST(LabPng, is_what_libpng_reads_and_base64_what_everybody_does) {
   const std::vector<uint8_t> bytes = png(2, 2, rgb);
   const test::TemporaryDirectory directory;
   const auto path = directory.path() / "a.png";
-  std::ofstream(path, std::ios::binary).write(reinterpret_cast<const char*>(bytes.data()), static_cast<std::streamsize>(bytes.size()));
+  std::ofstream(path, std::ios::binary)
+      .write(reinterpret_cast<const char*>(bytes.data()), static_cast<std::streamsize>(bytes.size()));
   const auto picture = read_picture(path);
   ASSERT_TRUE(picture) << picture.error().message;
   ASSERT_EQ(picture->width, 2);
@@ -178,8 +184,8 @@ TEST(LabPeers, are_read_or_refused_where_they_are_wrong) {
   ASSERT_EQ(good->size(), 1u);
   EXPECT_EQ(good->front().renderer, "Mitsuba, \"llvm\"");
   EXPECT_EQ(read(header)->size(), 0u);
-  for (const char* bad : {"box,m,16,1,0.5,1e8,0.01", "box,m,16,1,0.5,1e8,0.01,x", "box,m,0,1,0.5,1e8,0.01,1", "box,m,1,1,nan,1,1,1",
-                          "box,m,1,1,-1,1,1,1", "\"box,m,1,1,1,1,1,1"}) {
+  for (const char* bad : {"box,m,16,1,0.5,1e8,0.01", "box,m,16,1,0.5,1e8,0.01,x", "box,m,0,1,0.5,1e8,0.01,1",
+                          "box,m,1,1,nan,1,1,1", "box,m,1,1,-1,1,1,1", "\"box,m,1,1,1,1,1,1"}) {
     const auto refused = read(header + bad + "\n");
     ASSERT_FALSE(refused) << bad;
     EXPECT_NE(refused.error().message.find("peers.csv:2"), std::string::npos) << refused.error().message;

@@ -23,8 +23,8 @@ struct Configuration {
 struct Axis {
   std::string name;
   std::string title;
-  std::string about;                // what differs, and what theory says of it
-  bool keeps_bits = false;          // a performance option: the pictures must be equal
+  std::string about;        // what differs, and what theory says of it
+  bool keeps_bits = false;  // a performance option: the pictures must be equal
   std::vector<Configuration> configurations = {};
   // Of all configurations and of their reference; none: the settings of the scene.
   std::function<void(pipeline::RenderOptions&)> apply_to_all = {};

@@ -11,8 +11,8 @@ namespace spillway::tools::lab {
 namespace {
 
 constexpr double kWidth = 470, kPlotHeight = 270, kLeft = 62, kRight = 14, kTop = 34, kBottom = 46, kLegendRow = 18;
-constexpr std::array<const char*, 8> kColours = {"#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000",
-                                                 "#7f7f7f"};
+constexpr std::array<const char*, 8> kColours = {"#0072b2", "#d55e00", "#009e73", "#cc79a7",
+                                                 "#e69f00", "#56b4e9", "#000000", "#7f7f7f"};
 
 // One axis: values to pixels.
 class Scale {
@@ -74,15 +74,23 @@ std::string marker(size_t series, double x, double y, const char* colour, bool i
   constexpr double r = 3.6;
   std::string shape;
   switch (series % 4) {
-    case 0: shape = fmt::format("<circle cx=\"{:.1f}\" cy=\"{:.1f}\" r=\"{}\"", x, y, r); break;
-    case 1: shape = fmt::format("<rect x=\"{:.1f}\" y=\"{:.1f}\" width=\"{}\" height=\"{}\"", x - r, y - r, 2 * r, 2 * r); break;
+    case 0:
+      shape = fmt::format("<circle cx=\"{:.1f}\" cy=\"{:.1f}\" r=\"{}\"", x, y, r);
+      break;
+    case 1:
+      shape = fmt::format("<rect x=\"{:.1f}\" y=\"{:.1f}\" width=\"{}\" height=\"{}\"", x - r, y - r, 2 * r, 2 * r);
+      break;
     case 2:
       shape = fmt::format("<path d=\"M{:.1f} {:.1f}l{} {}h{}z\"", x, y - r - 1, r + 1, 2 * r + 1, -2 * (r + 1));
       break;
-    default: shape = fmt::format("<path d=\"M{0:.1f} {1:.1f}l{2} {2}l-{2} {2}l-{2} -{2}z\"", x, y - r - 1, r + 1);
+    default:
+      shape = fmt::format("<path d=\"M{0:.1f} {1:.1f}l{2} {2}l-{2} {2}l-{2} -{2}z\"", x, y - r - 1, r + 1);
   }
-  return fmt::format("{} fill=\"{}\" stroke=\"{}\" stroke-width=\"1.5\"><title>{}</title></{}>", shape, is_hollow ? "#fff" : colour,
-                     colour, escaped(hint), series % 4 == 0 ? "circle" : series % 4 == 1 ? "rect" : "path");
+  return fmt::format("{} fill=\"{}\" stroke=\"{}\" stroke-width=\"1.5\"><title>{}</title></{}>", shape,
+                     is_hollow ? "#fff" : colour, colour, escaped(hint),
+                     series % 4 == 0   ? "circle"
+                     : series % 4 == 1 ? "rect"
+                                       : "path");
 }
 
 class Drawing {
@@ -129,14 +137,17 @@ class Drawing {
   void grid() {
     const double bottom = kTop + kPlotHeight;
     for (const double v : x_.ticks()) {
-      add("<path d=\"M{0:.1f} {1}V{2}\" stroke=\"#e4e4e4\"/><text x=\"{0:.1f}\" y=\"{3}\" text-anchor=\"middle\" fill=\"#444\">{4}"
-          "</text>", x_.px(v), kTop, bottom, bottom + 16, short_number(v));
+      add("<path d=\"M{0:.1f} {1}V{2}\" stroke=\"#e4e4e4\"/><text x=\"{0:.1f}\" y=\"{3}\" text-anchor=\"middle\" "
+          "fill=\"#444\">{4}"
+          "</text>",
+          x_.px(v), kTop, bottom, bottom + 16, short_number(v));
     }
     for (const double v : y_.ticks())
-      add("<path d=\"M{} {:.1f}H{}\" stroke=\"#e4e4e4\"/><text x=\"{}\" y=\"{:.1f}\" text-anchor=\"end\" fill=\"#444\">{}</text>",
+      add("<path d=\"M{} {:.1f}H{}\" stroke=\"#e4e4e4\"/><text x=\"{}\" y=\"{:.1f}\" text-anchor=\"end\" "
+          "fill=\"#444\">{}</text>",
           kLeft, y_.px(v), kWidth - kRight, kLeft - 6, y_.px(v) + 4, short_number(v));
-    add("<rect x=\"{}\" y=\"{}\" width=\"{}\" height=\"{}\" fill=\"none\" stroke=\"#888\"/>", kLeft, kTop, kWidth - kLeft - kRight,
-        kPlotHeight);
+    add("<rect x=\"{}\" y=\"{}\" width=\"{}\" height=\"{}\" fill=\"none\" stroke=\"#888\"/>", kLeft, kTop,
+        kWidth - kLeft - kRight, kPlotHeight);
     add("<text x=\"{}\" y=\"{}\" text-anchor=\"middle\">{}</text>", (kLeft + kWidth - kRight) / 2, bottom + 35,
         escaped(chart_.x_title));
     add("<text transform=\"translate(14 {}) rotate(-90)\" text-anchor=\"middle\">{}</text>", kTop + kPlotHeight / 2,
@@ -151,7 +162,8 @@ class Drawing {
   }
   void floor() {
     if (!draws_floor()) return;
-    add("<path d=\"M{} {:.1f}H{}\" stroke=\"#999\" stroke-dasharray=\"2 3\"/>", kLeft, y_.px(chart_.floor), kWidth - kRight);
+    add("<path d=\"M{} {:.1f}H{}\" stroke=\"#999\" stroke-dasharray=\"2 3\"/>", kLeft, y_.px(chart_.floor),
+        kWidth - kRight);
   }
 
   void band(const Series& s, const char* fill) {
@@ -190,8 +202,8 @@ class Drawing {
     }
     if (!draws_floor()) return;
     const double y = top + kLegendRow * static_cast<double>((count + 1) / 2);
-    add("<path d=\"M14 {0:.1f}h22\" stroke=\"#999\" stroke-dasharray=\"2 3\"/><text x=\"42\" y=\"{1:.1f}\">{2}</text>", y, y + 4,
-        escaped(chart_.floor_name));
+    add("<path d=\"M14 {0:.1f}h22\" stroke=\"#999\" stroke-dasharray=\"2 3\"/><text x=\"42\" y=\"{1:.1f}\">{2}</text>",
+        y, y + 4, escaped(chart_.floor_name));
   }
 
   const Chart& chart_;
@@ -218,11 +230,20 @@ std::string escaped(const std::string& text) {
   std::string result;
   for (const char c : text) {
     switch (c) {
-      case '<': result += "&lt;"; break;
-      case '>': result += "&gt;"; break;
-      case '&': result += "&amp;"; break;
-      case '"': result += "&quot;"; break;
-      default: result += c;
+      case '<':
+        result += "&lt;";
+        break;
+      case '>':
+        result += "&gt;";
+        break;
+      case '&':
+        result += "&amp;";
+        break;
+      case '"':
+        result += "&quot;";
+        break;
+      default:
+        result += c;
     }
   }
   return result;

@@ -1,7 +1,8 @@
 #pragma once
 
 // Line charts as SVG text: logarithmic axes, bands of confidence, a legend. Inline in HTML or a file of their own; no
-// scripts, no fonts to load, colours that the colour-blind tell apart (Okabe and Ito 2008), and a marker a series besides.
+// scripts, no fonts to load, colours that the colour-blind tell apart (Okabe and Ito 2008), and a marker a series
+// besides.
 
 #include <string>
 #include <vector>
@@ -12,20 +13,20 @@ struct ChartPoint {
   double x = 0, y = 0;
   double low = 0, high = 0;  // the band; both 0: none
   bool is_hollow = false;
-  std::string hint = {};     // shown under the pointer
+  std::string hint = {};  // shown under the pointer
 };
 
 struct Series {
   std::string name;
   std::vector<ChartPoint> points;
-  bool is_dashed = false;    // theory rather than measurement: no markers
+  bool is_dashed = false;  // theory rather than measurement: no markers
 };
 
 struct Chart {
   std::string title, x_title, y_title;
   std::vector<Series> series;
   bool is_log_x = true, is_log_y = true;
-  double floor = 0;          // a horizontal line, such as the noise of the reference; 0: none
+  double floor = 0;  // a horizontal line, such as the noise of the reference; 0: none
   std::string floor_name = {};
 };
 

@@ -65,10 +65,11 @@ class Experiment {
   [[nodiscard]] std::string facts(const Store& store) const {
     const pipeline::SceneFacts f = pipeline::scene_facts(store, base_);
     const pipeline::PixelWindow window = pipeline::pixel_window(base_.settings);
-    return fmt::format("{} unique triangles, {} as seen; geometry {}, attributes {}, textures {}; {} x {} pixels, {} bounces",
-                       store.settings().statistics.triangle_count, store.settings().statistics.instanced_triangle_count,
-                       pipeline::bytes_text(f.trace_bytes), pipeline::bytes_text(f.attribute_bytes),
-                       pipeline::bytes_text(f.texture_bytes), window.x1 - window.x0, window.y1 - window.y0, f.max_depth);
+    return fmt::format(
+        "{} unique triangles, {} as seen; geometry {}, attributes {}, textures {}; {} x {} pixels, {} bounces",
+        store.settings().statistics.triangle_count, store.settings().statistics.instanced_triangle_count,
+        pipeline::bytes_text(f.trace_bytes), pipeline::bytes_text(f.attribute_bytes),
+        pipeline::bytes_text(f.texture_bytes), window.x1 - window.x0, window.y1 - window.y0, f.max_depth);
   }
 
   Result<MeasuredPicture> render(const Store& store, const RenderOptions& options) const {
@@ -95,7 +96,8 @@ class Experiment {
     if (axis.apply_to_all) axis.apply_to_all(options);
     if (axis.apply_to_reference) axis.apply_to_reference(options);
     options.settings.render.samples_per_pixel = options_.reference_spp, options.settings.render.seed = kReferenceSeed;
-    options_.tell(fmt::format("{}, {}: reference, {} samples a pixel", result_.name, axis.name, options_.reference_spp));
+    options_.tell(
+        fmt::format("{}, {}: reference, {} samples a pixel", result_.name, axis.name, options_.reference_spp));
     SPILLWAY_ASSIGN(MeasuredPicture measured, render(*store, options));
     Reference reference{std::move(measured.picture), fmt::format("our own, {} samples a pixel", measured.row.spp), 0};
     reference.noise = noise_of_halves(reference.picture);
@@ -166,8 +168,8 @@ class Experiment {
     }
     const size_t first_row = result_.rows.size();
     for (const uint32_t spp : options_.spps) {
-      options_.tell(fmt::format("{}, {}: {} samples a pixel, {} configurations, {} seeds", result_.name, result.axis.name, spp,
-                                result.curves.size(), options_.seed_count));
+      options_.tell(fmt::format("{}, {}: {} samples a pixel, {} configurations, {} seeds", result_.name,
+                                result.axis.name, spp, result.curves.size(), options_.seed_count));
       SPILLWAY_TRY(run_samples(result, spp, spp == options_.spps.back()));
     }
     finish_axis(store, std::span(result_.rows).subspan(first_row), result);
@@ -188,8 +190,9 @@ class Experiment {
     for (const Curve& curve : result.curves)
       for (const CurvePoint& p : curve.points)
         if (!p.is_above_reference_noise) {
-          result.remarks.push_back("Hollow points are within four times the noise of the reference: they are left out of "
-                                   "slopes and times. More --reference-spp would measure them.");
+          result.remarks.push_back(
+              "Hollow points are within four times the noise of the reference: they are left out of "
+              "slopes and times. More --reference-spp would measure them.");
           return;
         }
   }

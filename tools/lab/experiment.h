@@ -21,8 +21,8 @@ struct ExperimentOptions {
   std::vector<uint32_t> spps = {1, 4, 16, 64};
   uint32_t seed_count = 4;
   uint32_t reference_spp = 1024;
-  std::filesystem::path reference_file;     // of another renderer, for axes without a reference of their own; empty: ours
-  std::vector<uint64_t> memory_limits;      // of the axis `memory`; empty: planned
+  std::filesystem::path reference_file;  // of another renderer, for axes without a reference of their own; empty: ours
+  std::vector<uint64_t> memory_limits;   // of the axis `memory`; empty: planned
   // What the command line changes of the scene's settings, for all of it.
   std::function<Status(pipeline::SceneSettings&)> override_settings;
   const std::atomic<bool>* stop = nullptr;
@@ -46,10 +46,10 @@ struct CurvePoint {
 struct Curve {
   std::string name, about;
   std::vector<CurvePoint> points;
-  Slope slope;             // of relMSE over samples, by seed, without points in the reference's noise
-  PowerLaw error_of_time;  // of the means, the same points
-  Picture picture;         // of the first seed at the largest number of samples
-  std::vector<float> flip; // of that picture
+  Slope slope;                     // of relMSE over samples, by seed, without points in the reference's noise
+  PowerLaw error_of_time;          // of the means, the same points
+  Picture picture;                 // of the first seed at the largest number of samples
+  std::vector<float> flip;         // of that picture
   double equal_error_seconds = 0;  // to the error that AxisResult says; 0: not known
 };
 

@@ -51,7 +51,8 @@ int roll(const Die& die, double u) {
   return face;
 }
 
-std::vector<Point> squared_errors(const Estimate& estimate, double truth, std::span<const uint32_t> counts, uint32_t trials) {
+std::vector<Point> squared_errors(const Estimate& estimate, double truth, std::span<const uint32_t> counts,
+                                  uint32_t trials) {
   std::vector<Point> points;
   for (const uint32_t n : counts) {
     double sum = 0;

@@ -15,8 +15,8 @@ namespace spillway::tools::lab {
 // Uniform in [0, 1), a pure function of its keys.
 [[nodiscard]] double random_unit(uint64_t experiment, uint64_t trial, uint64_t index);
 
-// Chances of the faces one to six. Symmetric dice of mean 3.5 have the variance 11/12 = 0.91667 (of 35/12 for a fair one)
-// when p2 = 1/6 - 3 p1; of those this is the one whose four outer faces are alike: 1, 1, 10, 10, 1, 1 in 24.
+// Chances of the faces one to six. Symmetric dice of mean 3.5 have the variance 11/12 = 0.91667 (of 35/12 for a fair
+// one) when p2 = 1/6 - 3 p1; of those this is the one whose four outer faces are alike: 1, 1, 10, 10, 1, 1 in 24.
 struct Die {
   double chance[6];
 };
@@ -31,8 +31,8 @@ struct Moments {
 // Estimates of a known value from n evaluations; trials differ, but for quadrature.
 using Estimate = std::function<double(uint32_t n, uint64_t trial)>;
 // Mean over trials of (estimate - truth)^2 at each n.
-[[nodiscard]] std::vector<Point> squared_errors(const Estimate& estimate, double truth, std::span<const uint32_t> counts,
-                                                uint32_t trials);
+[[nodiscard]] std::vector<Point> squared_errors(const Estimate& estimate, double truth,
+                                                std::span<const uint32_t> counts, uint32_t trials);
 
 // The integral of 5 x^4 over [0, 1], which is 1.
 [[nodiscard]] double quartic_uniform(uint32_t n, uint64_t trial);     // variance 16/9 over n
@@ -46,7 +46,8 @@ using Estimate = std::function<double(uint32_t n, uint64_t trial)>;
 [[nodiscard]] double pi_by_stratified_darts(uint32_t n, uint64_t trial);
 
 // The integral of the product of pi/2 sin(pi x_i) over [0, 1]^d, which is 1, with at most n evaluations.
-[[nodiscard]] double product_by_quadrature(uint32_t dimensions, uint32_t n);  // midpoints of floor(n^(1/d)) a side: slope -4/d
+[[nodiscard]] double product_by_quadrature(uint32_t dimensions,
+                                           uint32_t n);  // midpoints of floor(n^(1/d)) a side: slope -4/d
 [[nodiscard]] double product_by_chance(uint32_t dimensions, uint32_t n, uint64_t trial);
 [[nodiscard]] double product_variance(uint32_t dimensions);  // (pi^2 / 8)^d - 1, over n
 

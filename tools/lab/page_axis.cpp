@@ -28,19 +28,22 @@ std::string time_to_error(const AxisResult& result, const Curve& curve) {
 std::string row(const AxisResult& result, const Curve& curve) {
   const CurvePoint& p = curve.points.back();
   const std::string slope = !curve.slope.is_known ? "-"
-                            : curve.slope.half_width > 0 ? fmt::format("{:.2f} ± {:.2f}", curve.slope.value, curve.slope.half_width)
-                                                         : fmt::format("{:.2f}", curve.slope.value);
-  return fmt::format("<tr><th>{}<br><small>{}</small></th><td>{} <small>{}–{}</small></td><td>{}</td><td>{} <small>{}–{}</small></td>"
-                     "<td>{}</td><td>{}</td>{}<td>{}</td><td>{}</td><td>{}</td></tr>\n",
-                     escaped(curve.name), escaped(curve.about), number(p.rel_mse.mean), number(p.rel_mse.low), number(p.rel_mse.high),
-                     number(p.flip.mean), number(p.seconds.mean), number(p.seconds.low), number(p.seconds.high), slope,
-                     p.efficiency > 0 ? number(p.efficiency) : "-", time_to_error(result, curve), bytes(p.read_bytes),
-                     bytes(p.written_bytes), bytes(p.peak_bytes));
+                            : curve.slope.half_width > 0
+                                ? fmt::format("{:.2f} ± {:.2f}", curve.slope.value, curve.slope.half_width)
+                                : fmt::format("{:.2f}", curve.slope.value);
+  return fmt::format(
+      "<tr><th>{}<br><small>{}</small></th><td>{} <small>{}–{}</small></td><td>{}</td><td>{} <small>{}–{}</small></td>"
+      "<td>{}</td><td>{}</td>{}<td>{}</td><td>{}</td><td>{}</td></tr>\n",
+      escaped(curve.name), escaped(curve.about), number(p.rel_mse.mean), number(p.rel_mse.low), number(p.rel_mse.high),
+      number(p.flip.mean), number(p.seconds.mean), number(p.seconds.low), number(p.seconds.high), slope,
+      p.efficiency > 0 ? number(p.efficiency) : "-", time_to_error(result, curve), bytes(p.read_bytes),
+      bytes(p.written_bytes), bytes(p.peak_bytes));
 }
 
 std::string table(const AxisResult& result) {
   std::string text = fmt::format(
-      "<table><caption>At {} samples a pixel</caption><thead><tr><th></th><th>relMSE</th><th>FLIP</th><th>seconds</th><th>slope</th>"
+      "<table><caption>At {} samples a "
+      "pixel</caption><thead><tr><th></th><th>relMSE</th><th>FLIP</th><th>seconds</th><th>slope</th>"
       "<th title=\"1 / (variance x seconds)\">efficiency</th><th>seconds to relMSE {}</th><th>read</th><th>written</th>"
       "<th>peak resident</th></tr></thead><tbody>\n",
       result.curves.front().points.back().spp, result.equal_error > 0 ? number(result.equal_error) : "of the first");
@@ -50,8 +53,8 @@ std::string table(const AxisResult& result) {
 
 std::string image(const Picture& size, const std::vector<uint8_t>& rgb, const std::string& about) {
   const int enlarged = std::max(1, 320 / size.width);  // whole times: pixels stay square
-  return fmt::format("<img width=\"{}\" height=\"{}\" alt=\"{}\" src=\"{}\">", size.width * enlarged, size.height * enlarged, escaped(about),
-                     data_url(png(size.width, size.height, rgb)));
+  return fmt::format("<img width=\"{}\" height=\"{}\" alt=\"{}\" src=\"{}\">", size.width * enlarged,
+                     size.height * enlarged, escaped(about), data_url(png(size.width, size.height, rgb)));
 }
 
 // The picture and, beside it, where the eye would see a difference.
@@ -75,9 +78,12 @@ std::string pictures(const AxisResult& result) {
 }  // namespace
 
 std::string axis_html(const AxisResult& result, const std::string& anchor) {
-  std::string text = fmt::format("<section id=\"{}\"><h3>{}</h3>\n<p>{}</p>\n", anchor, escaped(result.axis.title), escaped(result.axis.about));
-  if (!result.left_out.empty()) return text + fmt::format("<p class=\"remark\">Left out: {}.</p></section>\n", escaped(result.left_out));
-  if (const std::string words = verdict(result); !words.empty()) text += fmt::format("<p class=\"verdict\">{}</p>\n", escaped(words));
+  std::string text = fmt::format("<section id=\"{}\"><h3>{}</h3>\n<p>{}</p>\n", anchor, escaped(result.axis.title),
+                                 escaped(result.axis.about));
+  if (!result.left_out.empty())
+    return text + fmt::format("<p class=\"remark\">Left out: {}.</p></section>\n", escaped(result.left_out));
+  if (const std::string words = verdict(result); !words.empty())
+    text += fmt::format("<p class=\"verdict\">{}</p>\n", escaped(words));
   for (const std::string& remark : result.remarks) {
     const bool is_defect = remark.starts_with("DEFECT");
     text += fmt::format("<p class=\"{}\">{}</p>\n", is_defect ? "defect" : "remark", escaped(remark));

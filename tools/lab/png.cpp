@@ -21,7 +21,8 @@ void append_chunk(std::vector<uint8_t>& bytes, const char* type, std::span<const
   const size_t begin = bytes.size();
   bytes.insert(bytes.end(), type, type + 4);
   bytes.insert(bytes.end(), data.begin(), data.end());
-  append_big_endian(bytes, static_cast<uint32_t>(crc32(0, bytes.data() + begin, static_cast<uInt>(bytes.size() - begin))));
+  append_big_endian(bytes,
+                    static_cast<uint32_t>(crc32(0, bytes.data() + begin, static_cast<uInt>(bytes.size() - begin))));
 }
 
 }  // namespace
@@ -62,7 +63,8 @@ std::vector<uint8_t> heat_bytes(std::span<const float> values) {
     const float at = 4 * std::clamp(std::isfinite(value) ? value : 1.0f, 0.0f, 1.0f);
     const int first = std::min(3, static_cast<int>(at));
     for (int c = 0; c < 3; ++c)
-      bytes.push_back(static_cast<uint8_t>(kRamp[first][c] + (kRamp[first + 1][c] - kRamp[first][c]) * (at - static_cast<float>(first)) + 0.5f));
+      bytes.push_back(static_cast<uint8_t>(
+          kRamp[first][c] + (kRamp[first + 1][c] - kRamp[first][c]) * (at - static_cast<float>(first)) + 0.5f));
   }
   return bytes;
 }

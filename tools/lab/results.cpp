@@ -25,10 +25,14 @@ bool split(const std::string& line, std::vector<std::string>& fields) {
   bool inside = false;
   for (size_t i = 0; i < line.size(); ++i) {
     const char c = line[i];
-    if (inside && c == '"' && i + 1 < line.size() && line[i + 1] == '"') fields.back() += line[++i];
-    else if (c == '"') inside = !inside;
-    else if (c == ',' && !inside) fields.emplace_back();
-    else if (c != '\r') fields.back() += c;
+    if (inside && c == '"' && i + 1 < line.size() && line[i + 1] == '"')
+      fields.back() += line[++i];
+    else if (c == '"')
+      inside = !inside;
+    else if (c == ',' && !inside)
+      fields.emplace_back();
+    else if (c != '\r')
+      fields.back() += c;
   }
   return !inside;
 }
@@ -54,30 +58,35 @@ bool read_numbers(const std::vector<std::string>& fields, PeerRow& row, std::str
 }  // namespace
 
 std::string rows_csv(std::span<const SceneResult> scenes) {
-  std::string text = "scene,axis,configuration,spp,seed,samples,seconds,rel_mse,flip,read_bytes,written_bytes,peak_bytes,image_hash\n";
+  std::string text =
+      "scene,axis,configuration,spp,seed,samples,seconds,rel_mse,flip,read_bytes,written_bytes,peak_bytes,image_hash\n";
   for (const SceneResult& scene : scenes)
     for (const Measurement& m : scene.rows)
-      text += fmt::format("{},{},{},{},{},{:.0f},{:.6g},{:.9g},{:.6g},{},{},{},{}\n", quoted(m.scene), m.axis, quoted(m.configuration),
-                          m.spp, m.seed, m.samples, m.seconds, m.rel_mse, m.flip, m.read_bytes, m.written_bytes, m.peak_bytes,
-                          m.image_hash);
+      text += fmt::format("{},{},{},{},{},{:.0f},{:.6g},{:.9g},{:.6g},{},{},{},{}\n", quoted(m.scene), m.axis,
+                          quoted(m.configuration), m.spp, m.seed, m.samples, m.seconds, m.rel_mse, m.flip, m.read_bytes,
+                          m.written_bytes, m.peak_bytes, m.image_hash);
   return text;
 }
 
 std::string summary_csv(std::span<const SceneResult> scenes) {
   std::string text =
-      "scene,axis,configuration,spp,seconds,seconds_low,seconds_high,rel_mse,rel_mse_low,rel_mse_high,flip,variance,efficiency,"
-      "read_bytes,written_bytes,peak_bytes,above_reference_noise,slope,slope_half_width,equal_error,equal_error_seconds\n";
+      "scene,axis,configuration,spp,seconds,seconds_low,seconds_high,rel_mse,rel_mse_low,rel_mse_high,flip,variance,"
+      "efficiency,"
+      "read_bytes,written_bytes,peak_bytes,above_reference_noise,slope,slope_half_width,equal_error,equal_error_"
+      "seconds\n";
   for (const SceneResult& scene : scenes)
     for (const AxisResult& axis : scene.axes)
       for (const Curve& c : axis.curves)
         for (const CurvePoint& p : c.points)
-          text += fmt::format("{},{},{},{},{:.6g},{:.6g},{:.6g},{:.6g},{:.6g},{:.6g},{:.6g},{:.6g},{:.6g},{:.0f},{:.0f},{:.0f},{},{},{},{:.6g},{}\n",
-                              quoted(scene.name), axis.axis.name, quoted(c.name), p.spp, p.seconds.mean, p.seconds.low, p.seconds.high,
-                              p.rel_mse.mean, p.rel_mse.low, p.rel_mse.high, p.flip.mean, p.variance, p.efficiency, p.read_bytes,
-                              p.written_bytes, p.peak_bytes, p.is_above_reference_noise ? 1 : 0,
-                              c.slope.is_known ? fmt::format("{:.4f}", c.slope.value) : "",
-                              c.slope.is_known ? fmt::format("{:.4f}", c.slope.half_width) : "", axis.equal_error,
-                              c.equal_error_seconds > 0 ? fmt::format("{:.6g}", c.equal_error_seconds) : "");
+          text += fmt::format(
+              "{},{},{},{},{:.6g},{:.6g},{:.6g},{:.6g},{:.6g},{:.6g},{:.6g},{:.6g},{:.6g},{:.0f},{:.0f},{:.0f},{},{},{}"
+              ",{:.6g},{}\n",
+              quoted(scene.name), axis.axis.name, quoted(c.name), p.spp, p.seconds.mean, p.seconds.low, p.seconds.high,
+              p.rel_mse.mean, p.rel_mse.low, p.rel_mse.high, p.flip.mean, p.variance, p.efficiency, p.read_bytes,
+              p.written_bytes, p.peak_bytes, p.is_above_reference_noise ? 1 : 0,
+              c.slope.is_known ? fmt::format("{:.4f}", c.slope.value) : "",
+              c.slope.is_known ? fmt::format("{:.4f}", c.slope.half_width) : "", axis.equal_error,
+              c.equal_error_seconds > 0 ? fmt::format("{:.6g}", c.equal_error_seconds) : "");
   return text;
 }
 
@@ -91,9 +100,11 @@ Result<std::vector<PeerRow>> read_peers(const std::filesystem::path& path) {
   std::vector<std::string> fields;
   for (size_t number = 2; std::getline(file, line); ++number) {
     if (line.empty()) continue;
-    if (!split(line, fields) || fields.size() != 8) return error("{}:{}: a line has eight fields", path.string(), number);
+    if (!split(line, fields) || fields.size() != 8)
+      return error("{}:{}: a line has eight fields", path.string(), number);
     PeerRow row{fields[0], fields[1]};
-    if (std::string what; !read_numbers(fields, row, what)) return error("{}:{}: {} is no such number", path.string(), number, what);
+    if (std::string what; !read_numbers(fields, row, what))
+      return error("{}:{}: {} is no such number", path.string(), number, what);
     rows.push_back(std::move(row));
     if (rows.size() > kMostPeerRows) return error("{}: more than {} lines", path.string(), kMostPeerRows);
   }

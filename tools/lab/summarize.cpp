@@ -62,7 +62,8 @@ CurvePoint curve_point(std::span<const Measurement> rows, double variance, doubl
 
 void fit_curve(std::span<const Measurement> rows, Curve& curve) {
   const auto counts = [&](uint32_t spp) {
-    const auto found = std::find_if(curve.points.begin(), curve.points.end(), [&](const CurvePoint& p) { return p.spp == spp; });
+    const auto found =
+        std::find_if(curve.points.begin(), curve.points.end(), [&](const CurvePoint& p) { return p.spp == spp; });
     return found != curve.points.end() && found->is_above_reference_noise;
   };
   std::map<uint32_t, std::vector<Point>> of_seed;
@@ -78,8 +79,8 @@ void fit_curve(std::span<const Measurement> rows, Curve& curve) {
 }
 
 void compare_at_equal_error(AxisResult& result) {
-  // What the first configuration has reached, halfway on the logarithmic axis between its first and last error: within what
-  // was measured of it.
+  // What the first configuration has reached, halfway on the logarithmic axis between its first and last error: within
+  // what was measured of it.
   const Curve& first = result.curves.front();
   if (!first.error_of_time.is_known) return;
   double low = INFINITY, high = 0;
@@ -110,7 +111,8 @@ std::string verdict(const AxisResult& result) {
   std::sort(known.begin(), known.end(),
             [](const Curve* a, const Curve* b) { return a->equal_error_seconds < b->equal_error_seconds; });
   const double best = known.front()->equal_error_seconds;
-  std::string text = fmt::format("To an error of {:.3g}: {} in {:.3g} s", result.equal_error, known.front()->name, best);
+  std::string text =
+      fmt::format("To an error of {:.3g}: {} in {:.3g} s", result.equal_error, known.front()->name, best);
   for (size_t i = 1; i < known.size(); ++i)
     text += fmt::format(", {} in {:.2f} times that", known[i]->name, known[i]->equal_error_seconds / best);
   for (const Curve* curve : others) text += fmt::format(", {} not in anything near", curve->name);

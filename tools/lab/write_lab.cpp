@@ -21,7 +21,8 @@ Status write_charts(const std::filesystem::path& folder, std::span<const SceneRe
     for (const AxisResult& axis : scenes[i].axes) {
       if (!axis.left_out.empty()) continue;
       for (const NamedChart& named : charts_of(axis))
-        SPILLWAY_TRY(write_text(folder / file_name(scenes[i].name, i, axis.axis.name, named.name), to_svg(named.chart)));
+        SPILLWAY_TRY(
+            write_text(folder / file_name(scenes[i].name, i, axis.axis.name, named.name), to_svg(named.chart)));
     }
   return {};
 }
@@ -31,7 +32,8 @@ Status write_charts(const std::filesystem::path& folder, std::span<const SceneRe
 Result<Peers> load_peers(const std::filesystem::path& path) {
   if (path.empty()) return Peers{{}, "Not measured: bench/peers.py does, and --peers shows what it found."};
   SPILLWAY_ASSIGN(auto rows, read_peers(path));
-  return Peers{std::move(rows), fmt::format("{} holds no row: the other renderers were not there.", path.filename().string())};
+  return Peers{std::move(rows),
+               fmt::format("{} holds no row: the other renderers were not there.", path.filename().string())};
 }
 
 Status write_lab(const std::filesystem::path& folder, const PageInputs& inputs) {
@@ -50,7 +52,8 @@ Status write_lab(const std::filesystem::path& folder, const PageInputs& inputs) 
 bool has_defect(std::span<const SceneResult> scenes) {
   for (const SceneResult& scene : scenes)
     for (const AxisResult& axis : scene.axes)
-      if (std::any_of(axis.remarks.begin(), axis.remarks.end(), [](const std::string& r) { return r.starts_with("DEFECT"); }))
+      if (std::any_of(axis.remarks.begin(), axis.remarks.end(),
+                      [](const std::string& r) { return r.starts_with("DEFECT"); }))
         return true;
   return false;
 }

@@ -15,7 +15,8 @@ struct Peers {
   std::vector<PeerRow> rows;
   std::string remark;  // why there are none
 };
-// path empty: none were asked for. A file without a row, as bench/peers.py leaves where a renderer is missing, is no error.
+// path empty: none were asked for. A file without a row, as bench/peers.py leaves where a renderer is missing, is no
+// error.
 Result<Peers> load_peers(const std::filesystem::path& path);
 
 Status write_lab(const std::filesystem::path& folder, const PageInputs& inputs);
