@@ -159,6 +159,22 @@ enum class LightSelection : uint32_t {
   uniform,  // among the lights that have a place
 };
 
+// How a path gathers light at a vertex. The mean is the same for all; all but the first are there to measure it by.
+enum class Estimator : uint32_t {
+  mis_power,      // lights and BSDF, weighed by the power heuristic
+  mis_balance,    // the same by the balance heuristic
+  light,          // lights alone, but for what they cannot sample: mirrors and glass
+  light_by_area,  // the same with points spread evenly over the area of a light, wherever it is seen from
+  bsdf,           // BSDF alone, but for what it cannot find: points, spots and suns
+  hemisphere,     // directions spread evenly over the hemisphere instead
+};
+
+// How images are filtered: as each texture says, or all alike.
+enum class TextureFilter : uint32_t { of_texture, point, bilinear, trilinear };
+
+// Over what the bound of a medium's density is taken: cells are tight, grids are loose.
+enum class MajorantExtent : uint32_t { cell, brick, grid };
+
 struct RenderSettings {
   uint32_t samples_per_pixel = 16;
   uint32_t max_depth = 5;      // bounces, as pbrt counts
@@ -166,6 +182,10 @@ struct RenderSettings {
   uint32_t camera_medium = kNoMedium;  // that the camera is in
   shading::SamplerKind sampler = shading::SamplerKind::sobol;
   LightSelection light_selection = LightSelection::tree;
+  Estimator estimator = Estimator::mis_power;
+  uint32_t roulette = 1;  // 0: paths end at max_depth, or when they carry nothing
+  TextureFilter texture_filter = TextureFilter::of_texture;
+  MajorantExtent majorants = MajorantExtent::cell;
 };
 
 // The times of the two keys of what moves, on the clock of the camera's shutter.

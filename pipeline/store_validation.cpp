@@ -359,6 +359,9 @@ Status check_settings(const SceneSettings& settings, std::string_view where) {
   if (settings.render.samples_per_pixel == 0) return error("{}: no samples a pixel", where);
   if (settings.render.light_selection > LightSelection::uniform)
     return error("{}: lights are chosen in no known way", where);
+  if (settings.render.estimator > Estimator::hemisphere || settings.render.roulette > 1 ||
+      settings.render.texture_filter > TextureFilter::trilinear || settings.render.majorants > MajorantExtent::grid)
+    return error("{}: the picture is estimated in no known way", where);
   return {};
 }
 

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "shading/frame.h"
 #include "shading/microfacet.h"
 
 namespace spillway::shading {
@@ -306,6 +307,44 @@ BsdfValue evaluate_bsdf(const BsdfParams& b, Float3 w_prev_local, Float3 w_next_
 bool transmits(const BsdfParams& bsdf) {
   return bsdf.kind == BsdfKind::dielectric || bsdf.kind == BsdfKind::thin_dielectric ||
          bsdf.kind == BsdfKind::diffuse_transmission;
+}
+
+BsdfSample sample_evenly(const BsdfParams& b, Float3 w_prev_local, Float2 u, float u_lobe) {
+  if (!has_continuous_lobe(b)) return sample_bsdf(b, w_prev_local, u, u_lobe);
+  float pdf = transmits(b) ? 0.25f / kPi : 0.5f / kPi;
+  if (has_delta_lobe(b)) {
+    if (u_lobe >= 0.5f) {
+      BsdfSample s = sample_bsdf(b, w_prev_local, u, 2 * u_lobe - 1);
+      s.weight = s.is_delta ? s.weight * 2 : Rgb{0, 0, 0};
+      return s;
+    }
+    pdf *= 0.5f;
+  }
+  BsdfSample s;
+  s.w_next_local = uniform_direction({transmits(b) ? u.x : 0.5f * u.x, u.y});
+  if (w_prev_local.z < 0) s.w_next_local = flipped(s.w_next_local);
+  s.is_transmission = s.w_next_local.z * w_prev_local.z < 0;
+  if (s.is_transmission && b.kind == BsdfKind::dielectric) {
+    const float eta = relative_eta(b, w_prev_local);
+    s.eta_scale = eta * eta;
+  }
+  s.pdf_solid_angle = pdf;
+  s.weight = evaluate_bsdf(b, w_prev_local, s.w_next_local).f_cos * (1 / pdf);
+  return s;
+}
+
+bool has_delta_lobe(const BsdfParams& b) {
+  switch (b.kind) {
+    case BsdfKind::none:
+    case BsdfKind::diffuse:
+    case BsdfKind::diffuse_transmission: return false;
+    case BsdfKind::thin_dielectric: return true;
+    case BsdfKind::conductor:
+    case BsdfKind::dielectric:
+    case BsdfKind::coated_diffuse: return is_smooth(b.alpha_x, b.alpha_y);
+    case BsdfKind::coated_conductor: return is_smooth(b.alpha_x, b.alpha_y) || base_is_smooth(b);
+  }
+  return false;
 }
 
 bool has_continuous_lobe(const BsdfParams& b) {

@@ -58,8 +58,13 @@ struct BsdfValue {
 
 [[nodiscard]] BsdfSample sample_bsdf(const BsdfParams& bsdf, Float3 w_prev_local, Float2 u, float u_lobe);
 [[nodiscard]] BsdfValue evaluate_bsdf(const BsdfParams& bsdf, Float3 w_prev_local, Float3 w_next_local);
+// Directions spread evenly over the hemisphere of w_prev, over both where light passes; what is sharper than any of
+// them is sampled as above, half of the time. Same mean as sample_bsdf, more variance: to measure it by.
+[[nodiscard]] BsdfSample sample_evenly(const BsdfParams& bsdf, Float3 w_prev_local, Float2 u, float u_lobe);
 // Whether evaluate_bsdf can return anything but zero: next-event estimation is worth a ray.
 [[nodiscard]] bool has_continuous_lobe(const BsdfParams& bsdf);
+// Whether sample_bsdf can return a delta.
+[[nodiscard]] bool has_delta_lobe(const BsdfParams& bsdf);
 // Whether any light passes to the other side: directions on both sides of the normal matter then.
 [[nodiscard]] bool transmits(const BsdfParams& bsdf);
 // Directional albedo estimate for the albedo AOV (no noise: a closed form, exact for diffuse).

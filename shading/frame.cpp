@@ -1,5 +1,7 @@
 #include "shading/frame.h"
 
+#include "shading/trigonometry.h"
+
 #include <algorithm>
 #include <cmath>
 
@@ -23,6 +25,13 @@ Frame frame_from_z_and_tangent(Float3 z, Float3 tangent) {
 
 Float3 ray_origin(Float3 p, Float3 normal_geometric, Float3 direction, float distance) {
   return p + normal_geometric * (dot(normal_geometric, direction) < 0 ? -distance : distance);
+}
+
+Float3 uniform_direction(Float2 u) {
+  const float z = 1 - 2 * u.x;
+  const float r = std::sqrt(std::max(0.0f, 1 - z * z));
+  const SinCos phi = sin_cos_turn(u.y);
+  return {r * phi.cos, r * phi.sin, z};
 }
 
 bool mirrors(const Affine3& transform) {

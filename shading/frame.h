@@ -1,6 +1,6 @@
 #pragma once
 
-// Orthonormal frames (Duff et al. 2017, Building an Orthonormal Basis, Revisited) robust ray origins, and handedness.
+// Orthonormal frames (Duff et al. 2017, Building an Orthonormal Basis, Revisited), robust ray origins, and handedness.
 
 #include "cache/base/vec.h"
 
@@ -20,6 +20,9 @@ struct Frame {
 // The origin of a ray that leaves the surface at p on the side of `direction`: p moved along the geometric normal by
 // `distance`, what p and the surface may be apart by rounding.
 [[nodiscard]] Float3 ray_origin(Float3 p, Float3 normal_geometric, Float3 direction, float distance);
+
+// Evenly over all directions; z falls with u.x.
+[[nodiscard]] Float3 uniform_direction(Float2 u);
 
 // Whether a transform turns right hands into left ones.
 [[nodiscard]] bool mirrors(const Affine3& transform);

@@ -28,7 +28,8 @@ size_t first_light(const LightTable& table) { return table.tree.empty() ? table.
 
 LightSample sample_emitter(const LightTable& table, const LightPick& pick, Float3 receiver, Float2 u) {
   const TriangleShape shape = emitter_in_world(table, pick.instance, pick.index);
-  const TrianglePoint place = sample_triangle(shape, receiver, u);
+  const TrianglePoint place =
+      table.emitters_by_area ? sample_triangle_by_area(shape, receiver, u) : sample_triangle(shape, receiver, u);
   LightSample sample;
   sample.point_world = place.point;
   const Float3 to_light = sample.point_world - receiver;
@@ -67,13 +68,6 @@ LightSample sample_distant(const Light& light, float chance) {
 
 Float3 to_light_frame(const Light& light, Float3 w) {
   return {dot(light.position, w), dot(light.edge1, w), dot(light.edge2, w)};
-}
-
-Float3 uniform_direction(Float2 u) {
-  const float z = 1 - 2 * u.x;
-  const float r = std::sqrt(std::max(0.0f, 1 - z * z));
-  const SinCos phi = sin_cos_turn(u.y);
-  return {r * phi.cos, r * phi.sin, z};
 }
 
 Float3 direction_of_image(const LightTable& table, const Light& light, Float2 u) {
@@ -184,7 +178,9 @@ Rgb emitter_radiance(const TriangleShape& shape_world, const Emission& emission,
 
 float emitter_pdf_solid_angle(const LightTable& table, const LightReceiver& receiver, uint32_t instance,
                               uint32_t emitter, const TriangleShape& shape_world, Float3 point_world) {
-  const float place = triangle_pdf_solid_angle(shape_world, receiver.position_world, point_world);
+  const float place = table.emitters_by_area
+                          ? triangle_pdf_by_area(shape_world, receiver.position_world, point_world)
+                          : triangle_pdf_solid_angle(shape_world, receiver.position_world, point_world);
   if (table.tree.empty()) return pmf(table, emitter) * place;
   return pmf(table, 0) * emitter_pmf(table.tree, receiver, instance, emitter) * place;
 }

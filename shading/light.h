@@ -53,6 +53,7 @@ struct LightTable {
   EnvironmentMap environment{};  // of the one that has an image
   std::span<const Portal> portals{};  // none, or the one of the scene
   LightTree tree{};              // empty: emitters are choices of their own
+  bool emitters_by_area = false;  // points on emitters are spread over the area alone, see sample_triangle_by_area
   [[nodiscard]] bool empty() const { return emitters.empty() && lights.empty(); }
 };
 
@@ -90,6 +91,9 @@ struct LightSample {
 [[nodiscard]] inline float power_heuristic(float pdf, float other_pdf) {
   const float a = pdf * pdf, b = other_pdf * other_pdf;
   return a > 0 ? a / (a + b) : 0;
+}
+[[nodiscard]] inline float balance_heuristic(float pdf, float other_pdf) {
+  return pdf > 0 ? pdf / (pdf + other_pdf) : 0;
 }
 
 }  // namespace spillway::shading

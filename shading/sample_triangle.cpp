@@ -102,8 +102,16 @@ float area_pdf(const TriangleShape& t, Float3 receiver, Float3 point) {
 TrianglePoint sample_triangle(const TriangleShape& triangle, Float3 receiver, Float2 u) {
   const SphericalTriangle s = spherical(triangle, receiver);
   if (s.solid_angle > 0) return {point_along(triangle, receiver, direction_in(s, u)), 1 / s.solid_angle};
+  return sample_triangle_by_area(triangle, receiver, u);
+}
+
+TrianglePoint sample_triangle_by_area(const TriangleShape& triangle, Float3 receiver, Float2 u) {
   const Float3 point = point_by_area(triangle, u);
   return {point, area_pdf(triangle, receiver, point)};
+}
+
+float triangle_pdf_by_area(const TriangleShape& triangle, Float3 receiver, Float3 point) {
+  return area_pdf(triangle, receiver, point);
 }
 
 float triangle_pdf_solid_angle(const TriangleShape& triangle, Float3 receiver, Float3 point) {

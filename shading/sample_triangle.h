@@ -26,6 +26,10 @@ struct TrianglePoint {
 // The density of that point, bit for bit what sampling returned with it.
 [[nodiscard]] float triangle_pdf_solid_angle(const TriangleShape& triangle, Float3 receiver, Float3 point);
 
+// The same evenly over the area, from wherever it is seen: noisier near by, to measure the other by.
+[[nodiscard]] TrianglePoint sample_triangle_by_area(const TriangleShape& triangle, Float3 receiver, Float2 u);
+[[nodiscard]] float triangle_pdf_by_area(const TriangleShape& triangle, Float3 receiver, Float3 point);
+
 // The solid angle of a triangle that is sampled by it, within 2 pi; 0 for one that is sampled by area.
 [[nodiscard]] float sampled_solid_angle(const TriangleShape& triangle, Float3 receiver);
 

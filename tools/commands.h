@@ -29,6 +29,7 @@ void add_city_command(CLI::App& app, int& exit_code);
 void add_info_command(CLI::App& app, int& exit_code);
 void add_compare_command(CLI::App& app, int& exit_code);
 void add_convert_command(CLI::App& app, int& exit_code);
+void add_lab_command(CLI::App& app, int& exit_code);
 
 // A finite number above 0: CLI::PositiveNumber takes nan.
 [[nodiscard]] CLI::Validator positive();

@@ -17,6 +17,7 @@ int main(int argc, char** argv) {
   add_info_command(app, exit_code);
   add_compare_command(app, exit_code);
   add_convert_command(app, exit_code);
+  add_lab_command(app, exit_code);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& problem) {

@@ -10,8 +10,10 @@
 #include "pipeline/render/render_image.h"
 #include "pipeline/render/write_image.h"
 #include "tools/commands.h"
+#include "tools/method_names.h"
 #include "tools/open_scene.h"
 #include "tools/render_frames.h"
+#include "tools/set_resolution.h"
 #include "tools/sizes.h"
 #include "tools/write_text.h"
 
@@ -31,11 +33,11 @@ struct RenderArguments {
   OpenSceneOptions scene;
   std::string output, report, trace, scratch, spill = "auto";
   uint32_t spp = 0, seed = 0, threads = 0;
-  int max_depth = -1, light_selection = -1;
+  int max_depth = -1, light_selection = -1, estimator = -1, texture_filter = -1, majorants = -1;
   uint64_t wave_paths = 0;
   double time_limit = 0, error = 0;
   bool has_seed = false, independent = false, aovs = false, halves = false, costs = false, direct = false, no_sort_rays = false,
-       json = false;
+       no_roulette = false, json = false;
   bool no_read_ahead = false, no_resident_first = false, no_top_up = false;
   uint32_t hit_batch = 0;
   std::string access_log;
@@ -52,17 +54,6 @@ Status check_usage(const RenderArguments& a) {
   return {};
 }
 
-// Another resolution sees the same along the shorter axis.
-void set_resolution(SceneSettings& settings, Resolution r) {
-  shading::Camera& camera = settings.camera;
-  const float shorter = std::min(camera.tan_half_fov_x, camera.tan_half_fov_y);
-  const float aspect = static_cast<float>(r.x) / static_cast<float>(r.y);
-  camera.tan_half_fov_x = shorter * std::max(1.0f, aspect);
-  camera.tan_half_fov_y = shorter * std::max(1.0f, 1 / aspect);
-  camera.resolution_x_px = r.x, camera.resolution_y_px = r.y;
-  settings.film.crop_x0 = settings.film.crop_x1 = settings.film.crop_y0 = settings.film.crop_y1 = 0;
-}
-
 Status override_settings(const RenderArguments& arguments, SceneSettings& settings) {
   // The scene's number is of pictures without a limit of their error: it would cut those with one short.
   if (arguments.error > 0) settings.render.samples_per_pixel = kMostSamplesToAnError;
@@ -71,6 +62,11 @@ Status override_settings(const RenderArguments& arguments, SceneSettings& settin
   if (arguments.has_seed) settings.render.seed = arguments.seed;
   if (arguments.independent) settings.render.sampler = shading::SamplerKind::independent;
   if (arguments.light_selection >= 0) settings.render.light_selection = static_cast<LightSelection>(arguments.light_selection);
+  if (arguments.estimator >= 0) settings.render.estimator = static_cast<Estimator>(arguments.estimator);
+  if (arguments.texture_filter >= 0)
+    settings.render.texture_filter = static_cast<TextureFilter>(arguments.texture_filter);
+  if (arguments.majorants >= 0) settings.render.majorants = static_cast<MajorantExtent>(arguments.majorants);
+  if (arguments.no_roulette) settings.render.roulette = 0;
   if (arguments.resolution) set_resolution(settings, *arguments.resolution);
   if (arguments.crop) {
     const Crop& c = *arguments.crop;
@@ -249,6 +245,14 @@ void add_scene_options(CLI::App& command, RenderArguments& a) {
   command.add_flag("-q,--quiet", scene.quiet, "errors only");
 }
 
+template <class Method>
+void add_method(CLI::App& command, const char* name, int& value, const std::map<std::string, Method>& names,
+                const char* about) {
+  std::map<std::string, int> numbers;
+  for (const auto& [text, method] : names) numbers[text] = static_cast<int>(method);
+  add_choice(command, name, value, numbers, about);
+}
+
 void add_meaning(CLI::App& command, RenderArguments& a) {
   command.add_option("--spp", a.spp, "samples a pixel [the scene's]")->check(CLI::Range(1u, 2 * kMaxHalfSamples));
   command.add_option("--max-depth", a.max_depth, "bounces [the scene's]")->check(CLI::Range(0, 10000));
@@ -257,12 +261,14 @@ void add_meaning(CLI::App& command, RenderArguments& a) {
   command.add_flag("--independent", a.independent, "independent samples, to measure the usual ones by: noisier");
   command.add_option_function<uint32_t>("--seed", [&a](uint32_t seed) { a.seed = seed, a.has_seed = true; },
                                         "another set of random numbers [the scene's]");
-  static const std::map<std::string, int> kSelections = {
-      {"tree", static_cast<int>(LightSelection::tree)},
-      {"power", static_cast<int>(LightSelection::power)},
-      {"uniform", static_cast<int>(LightSelection::uniform)}};
-  add_choice(command, "--light-selection", a.light_selection, kSelections,
+  add_method(command, "--light-selection", a.light_selection, kLightSelections,
              "how lights are chosen: noise differs [the scene's, or tree]");
+  add_method(command, "--estimator", a.estimator, kEstimators,
+             "what is sampled at a vertex: noise differs [mis-power]");
+  add_method(command, "--texture-filter", a.texture_filter, kTextureFilters, "of all images alike [of-texture]");
+  add_method(command, "--majorants", a.majorants, kMajorants,
+             "what a bound of a medium's density is taken over [cell]");
+  command.add_flag("--no-roulette", a.no_roulette, "follow dim paths to the last bounce");
   command.add_flag("--aov", a.aovs, "depth, normal, albedo and id layers");
   command.add_flag("--cost-layers", a.costs,
                    "layers of what each pixel cost: tree steps, pages waited for, lookups, scatterings, rays; and the "

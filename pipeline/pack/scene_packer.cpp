@@ -647,7 +647,7 @@ std::string ScenePacker::name_lines() const {
 
 Status ScenePacker::write_manifest(const Packed& packed) {
   // No padding inside, whose bytes would be anything.
-  static_assert(sizeof(SceneSettings) == 224);
+  static_assert(sizeof(SceneSettings) == 240);
   settings_.statistics = statistics(packed);
   report_.triangle_count = scene_.prim_count, report_.instance_count = instances_.size() - 1;
   report_.mesh_count = scene_.meshes.size(), report_.attribute_block_count = packed.attributes.size();

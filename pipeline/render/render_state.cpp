@@ -60,7 +60,8 @@ Status open_geometry(RenderState& state) {
 
 // A scene without grids has no store of bricks.
 Status open_volumes(RenderState& state) {
-  const MediumTables tables = state.store.medium_tables();
+  state.medium_tables = SelectedMedia(state.store, state.options.settings.render.majorants);
+  const MediumTables& tables = state.medium_tables.tables();
   state.media = {tables, nullptr, state.options.settings.render.seed};
   if (tables.volumes.bricks.empty()) return {};
   std::vector<cache::Part> parts;
@@ -85,7 +86,8 @@ Status open_textures(RenderState& state) {
     SPILLWAY_ASSIGN(state.textures, cache::TextureCache::open(store.textures_path(), store.images(), options,
                                                               store.face_containers(), store.face_textures()));
   }
-  state.evaluator = std::make_unique<TextureEvaluator>(store.textures(), state.textures.get());
+  state.texture_nodes = SelectedTextures(store, state.options.settings.render.texture_filter);
+  state.evaluator = std::make_unique<TextureEvaluator>(state.texture_nodes.nodes(), state.textures.get());
   return {};
 }
 
@@ -102,11 +104,12 @@ void connect(RenderState& state) {
   const Store& store = state.store;
   const SceneSettings& settings = state.options.settings;
   ShadeInputs& in = state.inputs;
-  state.lights = SelectedLights(store, settings.render.light_selection);
+  state.lights = SelectedLights(store, settings.render);
   // And the shutter of the frame.
   in.settings = {state.lights.table(), std::min(settings.render.max_depth, kMostBounces), settings.render.seed,
                  settings.render.sampler};
   in.settings.media = store.medium_tables().media;
+  in.settings.estimator = settings.render.estimator, in.settings.roulette = settings.render.roulette != 0;
   in.tables = {store.meshes(), store.materials(), state.evaluator.get()};
   in.instances = store.page_tree().instances;
   in.motions = store.motions();

@@ -21,6 +21,7 @@
 #include "pipeline/render/resolve_material.h"
 #include "pipeline/render/shade_hits.h"
 #include "pipeline/render/select_lights.h"
+#include "pipeline/render/select_tables.h"
 #include "pipeline/render/trace_rays.h"
 #include "pipeline/render/track_media.h"
 
@@ -37,9 +38,11 @@ struct RenderState {
   std::unique_ptr<PageViews> pages;
   std::unique_ptr<AttributeStore> attributes;
   std::unique_ptr<cache::TextureCache> textures;
+  SelectedTextures texture_nodes;
   std::unique_ptr<TextureEvaluator> evaluator;
   std::unique_ptr<MaterialResolver> resolver;
   std::unique_ptr<VolumeStore> volumes;  // null: no grids
+  SelectedMedia medium_tables;
   MediaInputs media;
   SelectedLights lights;
   std::unique_ptr<Film> film;

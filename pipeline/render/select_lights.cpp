@@ -52,9 +52,10 @@ bool has_place(const shading::Light& light) {
 
 }  // namespace
 
-SelectedLights::SelectedLights(const Store& store, LightSelection selection) : table_(store.light_table()) {
-  table_.tree.by_energy = selection != LightSelection::tree;
-  if (selection == LightSelection::uniform) select_uniformly();
+SelectedLights::SelectedLights(const Store& store, const RenderSettings& settings) : table_(store.light_table()) {
+  table_.emitters_by_area = settings.estimator == Estimator::light_by_area;
+  table_.tree.by_energy = settings.light_selection != LightSelection::tree;
+  if (settings.light_selection == LightSelection::uniform) select_uniformly();
 }
 
 // Lights without a place keep their chances, so that the ways of choosing differ in one thing.

@@ -1,6 +1,7 @@
 #pragma once
 
-// The light table of a store for one way of choosing lights (RenderSettings::light_selection).
+// The light table of a store for one way of choosing lights and points on them (RenderSettings::light_selection,
+// estimator).
 
 #include "cache/base/memory.h"
 #include "pipeline/store.h"
@@ -11,7 +12,7 @@ namespace spillway::pipeline {
 class SelectedLights {
  public:
   SelectedLights() = default;
-  SelectedLights(const Store& store, LightSelection selection);
+  SelectedLights(const Store& store, const RenderSettings& settings);
 
   // Views into this and the store, which must outlive them.
   [[nodiscard]] const shading::LightTable& table() const { return table_; }

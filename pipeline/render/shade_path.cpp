@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "shading/medium.h"
+#include "shading/trigonometry.h"
 
 namespace spillway::pipeline {
 namespace {
@@ -108,6 +109,30 @@ ShadingPoint shading_point(const cache::TriangleAttributes& triangle, const HitR
 
 namespace {
 
+bool finds_light_by_chance_alone(const PathSettings& settings) {
+  return settings.estimator == Estimator::bsdf || settings.estimator == Estimator::hemisphere;
+}
+
+// What light that was met by chance weighs, with the densities of both strategies.
+float weight_by_chance(const PathSettings& settings, float pdf_bsdf, float pdf_light) {
+  if (settings.estimator == Estimator::mis_power) return shading::power_heuristic(pdf_bsdf, pdf_light);
+  if (settings.estimator == Estimator::mis_balance) return shading::balance_heuristic(pdf_bsdf, pdf_light);
+  return finds_light_by_chance_alone(settings) || !(pdf_light > 0) ? 1.0f : 0.0f;
+}
+
+// What a sample of a light weighs; nothing could meet a delta by chance.
+float weight_at_light(const PathSettings& settings, const shading::LightSample& light, float pdf_bsdf) {
+  if (light.is_delta) return 1;
+  if (settings.estimator == Estimator::mis_power) return shading::power_heuristic(light.pdf_solid_angle, pdf_bsdf);
+  if (settings.estimator == Estimator::mis_balance) return shading::balance_heuristic(light.pdf_solid_angle, pdf_bsdf);
+  return finds_light_by_chance_alone(settings) ? 0.0f : 1.0f;
+}
+
+// Whether a sample of the lights can bring anything: infinite ones are the last of the table, all before are deltas.
+bool samples_lights(const PathSettings& settings) {
+  return !settings.lights.empty() && (!finds_light_by_chance_alone(settings) || settings.lights.first_infinite > 0);
+}
+
 // The part of an emitter's light that BSDF sampling is credited with.
 bool emission_splat(const PathSettings& settings, const HitRecord& hit, const ShadingPoint& point, uint32_t emitter,
                     SplatRecord& splat) {
@@ -122,7 +147,7 @@ bool emission_splat(const PathSettings& settings, const HitRecord& hit, const Sh
     const shading::LightReceiver receiver{hit.path.position_previous, hit.path.normal_previous};
     const float pdf_light =
         shading::emitter_pdf_solid_angle(lights, receiver, instance, emitter, shape, point.position);
-    weight = shading::power_heuristic(hit.path.pdf_previous, pdf_light);
+    weight = weight_by_chance(settings, hit.path.pdf_previous, pdf_light);
   }
   splat = {hit.path.sink, hit.path.sample, emission_event(hit.path.bounce), hit.path.throughput * radiance * weight};
   return true;
@@ -148,14 +173,14 @@ shading::LightReceiver light_receiver(const PathSettings& settings, const Shadin
 void next_event(const PathSettings& settings, const HitRecord& hit, const ShadingPoint& point,
                 const SurfaceValues& surface, const shading::LightReceiver& receiver, const shading::Frame& frame,
                 Float3 w_prev_local, const shading::BouncePoints& points, ShadedVertex& out) {
-  if (settings.lights.empty() || !shading::has_continuous_lobe(surface.bsdf)) return;
+  if (!samples_lights(settings) || !shading::has_continuous_lobe(surface.bsdf)) return;
   const shading::LightSample light = shading::sample_light(
       settings.lights, receiver, points[shading::kBounceLightSelect], points[shading::kBounceLight]);
   if (!(light.pdf_solid_angle > 0) || is_black(light.radiance)) return;
   const shading::BsdfValue f =
       shading::evaluate_bsdf(surface.bsdf, w_prev_local, frame.local_from_world(light.w_next_world));
   if (is_black(f.f_cos)) return;
-  const float weight = light.is_delta ? 1 : shading::power_heuristic(light.pdf_solid_angle, f.pdf_solid_angle);
+  const float weight = weight_at_light(settings, light, f.pdf_solid_angle);
   const Rgb contribution = hit.path.throughput * f.f_cos * light.radiance * (weight / light.pdf_solid_angle);
   if (is_black(contribution)) return;
   const Float3 origin =
@@ -176,8 +201,8 @@ float surface_cap(const PathRecord& path, bool is_delta) {
 constexpr float kMediumCap = 1;
 
 // Ends the path with a chance that grows as it carries less; survivors carry more.
-bool survives_roulette(PathRecord& path, float u, float cap) {
-  if (path.bounce < kRouletteFirstBounce) return true;
+bool survives_roulette(const PathSettings& settings, PathRecord& path, float u, float cap) {
+  if (path.bounce < kRouletteFirstBounce || !settings.roulette) return true;
   const Rgb t = path.throughput;
   const float carried = std::max({std::fabs(t.r), std::fabs(t.g), std::fabs(t.b)}) * path.eta_scale;
   const float survival = std::min(carried, cap);
@@ -195,14 +220,16 @@ void next_direction(const HitRecord& hit, const ShadingPoint& point, const Surfa
                     const shading::LightReceiver& receiver, const shading::Frame& frame, Float3 w_prev_local,
                     const shading::BouncePoints& points, ShadedVertex& out) {
   const Float2 choose = points[shading::kBounceLobeAndRoulette];
+  const auto sample_direction =
+      settings.estimator == Estimator::hemisphere ? shading::sample_evenly : shading::sample_bsdf;
   const shading::BsdfSample sample =
-      shading::sample_bsdf(surface.bsdf, w_prev_local, points[shading::kBounceBsdf], choose.x);
+      sample_direction(surface.bsdf, w_prev_local, points[shading::kBounceBsdf], choose.x);
   if (is_black(sample.weight)) return;
   PathRecord path = hit.path;
   path.bounce += 1;
   path.throughput *= sample.weight;
   path.eta_scale *= sample.eta_scale;
-  if (!survives_roulette(path, choose.y, surface_cap(path, sample.is_delta))) return;
+  if (!survives_roulette(settings, path, choose.y, surface_cap(path, sample.is_delta))) return;
   path.pdf_previous = sample.is_delta ? 0 : sample.pdf_solid_angle;
   path.position_previous = receiver.position_world, path.normal_previous = receiver.packed_normal;
   path.cone_width = point.width_world;
@@ -237,13 +264,13 @@ namespace {
 
 void next_event_in_medium(const PathSettings& settings, const HitRecord& hit, float g, float time,
                           const shading::BouncePoints& points, ShadedVertex& out) {
-  if (settings.lights.empty()) return;
+  if (!samples_lights(settings)) return;
   const Float3 place = hit.path.position_previous;
   const shading::LightSample light = shading::sample_light(
       settings.lights, {place, 0}, points[shading::kBounceLightSelect], points[shading::kBounceLight]);
   if (!(light.pdf_solid_angle > 0) || is_black(light.radiance)) return;
   const float phase = shading::henyey_greenstein(g, dot(hit.direction_world, light.w_next_world));
-  const float weight = light.is_delta ? 1 : shading::power_heuristic(light.pdf_solid_angle, phase);
+  const float weight = weight_at_light(settings, light, phase);
   const Rgb contribution = hit.path.throughput * light.radiance * (phase * weight / light.pdf_solid_angle);
   if (is_black(contribution)) return;
   out.shadow_ray = shadow_ray(place, light, time);
@@ -262,12 +289,17 @@ ShadedVertex shade_medium(const PathSettings& settings, const HitRecord& hit) {
   const float time = ray_time(settings.shutter, key);
   const shading::BouncePoints points = shading::sample_bounce(key, hit.path.bounce);
   next_event_in_medium(settings, hit, g, time, points, out);
-  const Float3 w_next = shading::sample_henyey_greenstein(g, hit.direction_world, points[shading::kBounceBsdf]);
+  const bool evenly = settings.estimator == Estimator::hemisphere;
+  const Float2 u = points[shading::kBounceBsdf];
+  const Float3 w_next =
+      evenly ? shading::uniform_direction(u) : shading::sample_henyey_greenstein(g, hit.direction_world, u);
+  const float phase = shading::henyey_greenstein(g, dot(hit.direction_world, w_next));
   out.path = hit.path;
+  if (evenly) out.path.throughput = out.path.throughput * (phase * 4 * shading::kPi);
   out.path.bounce += 1;
   out.path.normal_previous = 0;  // receives from all sides
-  if (!survives_roulette(out.path, points[shading::kBounceLobeAndRoulette].y, kMediumCap)) return out;
-  out.path.pdf_previous = shading::henyey_greenstein(g, dot(hit.direction_world, w_next));
+  if (!survives_roulette(settings, out.path, points[shading::kBounceLobeAndRoulette].y, kMediumCap)) return out;
+  out.path.pdf_previous = phase;
   out.path.cone_width = hit.path.cone_width + hit.path.cone_spread * hit.hit.t * length(hit.direction_world);
   spread_cone(out.path, out.path.pdf_previous);
   out.path_ray = {hit.path.position_previous, INFINITY, w_next, time};
@@ -285,8 +317,9 @@ SplatRecord escaped_splat(const PathSettings& settings, const PathRecord& path, 
   const Rgb radiance = shading::infinite_radiance(settings.lights, path.position_previous, direction_world);
   float weight = 1;
   if (path.pdf_previous > 0)
-    weight = shading::power_heuristic(
-        path.pdf_previous, shading::infinite_pdf_solid_angle(settings.lights, path.position_previous, direction_world));
+    weight = weight_by_chance(
+        settings, path.pdf_previous,
+        shading::infinite_pdf_solid_angle(settings.lights, path.position_previous, direction_world));
   return {path.sink, path.sample, emission_event(path.bounce), path.throughput * radiance * weight};
 }
 

@@ -69,6 +69,8 @@ struct PathSettings {
   shading::SamplerKind sampler = shading::SamplerKind::sobol;
   Shutter shutter = {};
   std::span<const Medium> media = {};
+  Estimator estimator = Estimator::mis_power;
+  bool roulette = true;
 };
 
 // Numbers that a vertex still needs from the scene's tables and textures.

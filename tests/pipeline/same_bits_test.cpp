@@ -110,6 +110,37 @@ TEST_F(SameBits, for_any_way_of_choosing_lights_with_and_without_a_tree) {
   EXPECT_EQ(hashes.size(), 5u);  // without a tree, `tree` is by power
 }
 
+// Also in gas, with tables that the settings change.
+TEST_F(SameBits, for_every_estimator_filter_and_bound_of_media) {
+  SmallSceneOptions with_media;
+  with_media.has_media = true;
+  with_media.volume_brick_voxels = 16;  // of eight cells
+  const auto store = pack_small_scene(directory_->path(), "gas", with_media);
+  ASSERT_TRUE(store) << store.error().message;
+  const auto tracer = kernel_tracer(*store);
+  ASSERT_TRUE(tracer) << tracer.error().message;
+  std::map<std::string, int> hashes;
+  const auto compare = [&](const auto& change) {
+    RenderOptions o = options();
+    o.settings = store->settings();
+    change(o.settings.render);
+    o.plan.wave_paths = 1000;
+    const RenderedImage image = render(o, 2, *store);
+    const auto film = render_reference(*store, **tracer, {o.settings, false});
+    ASSERT_TRUE(film) << film.error().message;
+    EXPECT_EQ((*film)->hash(), image.report.image_hash);
+    ++hashes[image.report.image_hash];
+  };
+  for (uint32_t e = 0; e <= static_cast<uint32_t>(Estimator::hemisphere); ++e)
+    compare([&](RenderSettings& s) { s.estimator = static_cast<Estimator>(e); });
+  compare([](RenderSettings& s) { s.roulette = 0; });
+  compare([](RenderSettings& s) { s.texture_filter = TextureFilter::point; });
+  compare([](RenderSettings& s) { s.texture_filter = TextureFilter::trilinear; });
+  compare([](RenderSettings& s) { s.majorants = MajorantExtent::brick; });
+  compare([](RenderSettings& s) { s.majorants = MajorantExtent::grid; });
+  EXPECT_EQ(hashes.size(), 11u);
+}
+
 TEST_F(SameBits, layers_are_those_of_the_reference_too) {
   RenderOptions o = options();
   o.aov_layers = true;

@@ -72,7 +72,7 @@ struct Mean {
 };
 
 // What the path's next ray brings from the lamp.
-double found_by_chance(const Lamp& lamp, const ShadedVertex& vertex) {
+double found_by_chance(const Lamp& lamp, const ShadedVertex& vertex, const PathSettings& settings) {
   const Float3 direction = vertex.path_ray.direction_world;
   const uint32_t light = lamp.met(direction);
   if (light == LightId::kNone) return 0;
@@ -80,8 +80,56 @@ double found_by_chance(const Lamp& lamp, const ShadedVertex& vertex) {
   hit.direction_world = direction, hit.path = vertex.path;
   SurfaceValues emitter{};
   emitter.light = light, emitter.normal_shading = {0, 0, 1};
-  const ShadedVertex found = shade_vertex(lamp.settings(), hit, point_at(direction * (lamp.height / direction.z)), emitter);
+  const ShadedVertex found = shade_vertex(settings, hit, point_at(direction * (lamp.height / direction.z)), emitter);
   return found.has_splat ? found.splat.value.g : 0;
+}
+
+double found_by_chance(const Lamp& lamp, const ShadedVertex& vertex) {
+  return found_by_chance(lamp, vertex, lamp.settings());
+}
+
+// Four times the form factor of a rectangle at its corner (Howell, configuration B-3), sides 1 by 1.
+double form_factor_of_lamp(double height) {
+  const double a = 1 / height, root = std::sqrt(1 + a * a);
+  return 4 * 2 * a / root * std::atan(a / root) / (2 * M_PI);
+}
+
+TEST(ShadePath, every_estimator_brings_the_light_of_a_square_lamp_once) {
+  for (const float height : {0.5f, 2.0f})
+    for (const Estimator estimator : {Estimator::mis_power, Estimator::mis_balance, Estimator::light,
+                                      Estimator::light_by_area, Estimator::bsdf, Estimator::hemisphere}) {
+      const Lamp lamp(height);
+      PathSettings settings = lamp.settings();
+      settings.estimator = estimator, settings.sampler = shading::SamplerKind::independent;
+      settings.lights.emitters_by_area = estimator == Estimator::light_by_area;
+      Mean sampled, by_chance, both;
+      for (uint32_t sample = 0; sample < 100000; ++sample) {
+        const ShadedVertex vertex = shade_vertex(settings, hit_from_above(sample), point_at({0, 0, 0}), diffuse(0.6f));
+        const double a = vertex.has_shadow ? vertex.shadow.contribution.g : 0;
+        const double b = vertex.has_path ? found_by_chance(lamp, vertex, settings) : 0;
+        sampled.add(a), by_chance.add(b), both.add(a + b);
+      }
+      const double expected = 0.6 * form_factor_of_lamp(height);
+      EXPECT_NEAR(both.mean(), expected, 4 * both.deviation()) << height << " " << static_cast<int>(estimator);
+      EXPECT_LT(both.deviation(), 0.01 * expected) << height << " " << static_cast<int>(estimator);
+      const bool has_light = estimator <= Estimator::light_by_area;
+      const bool has_chance = estimator != Estimator::light && estimator != Estimator::light_by_area;
+      EXPECT_EQ(sampled.mean() > 0, has_light) << static_cast<int>(estimator);
+      EXPECT_EQ(by_chance.mean() > 0, has_chance) << static_cast<int>(estimator);
+    }
+}
+
+TEST(ShadePath, without_roulette_paths_go_on_as_they_are) {
+  const Lamp lamp(1);
+  PathSettings settings = lamp.settings();
+  settings.max_depth = 100, settings.roulette = false;
+  for (uint32_t sample = 0; sample < 1000; ++sample) {
+    HitRecord hit = hit_from_above(sample, 40);
+    hit.path.throughput = {0.01f, 0.01f, 0.01f};
+    const ShadedVertex vertex = shade_vertex(settings, hit, point_at({0, 0, 0}), diffuse(0.5f));
+    ASSERT_TRUE(vertex.has_path);
+    ASSERT_FLOAT_EQ(vertex.path.throughput.g, 0.005f);
+  }
 }
 
 TEST(ShadePath, both_strategies_together_bring_the_light_of_a_square_lamp_once) {
@@ -95,10 +143,7 @@ TEST(ShadePath, both_strategies_together_bring_the_light_of_a_square_lamp_once) 
       const double b = vertex.has_path ? found_by_chance(lamp, vertex) : 0;
       sampled.add(a), by_chance.add(b), both.add(a + b);
     }
-    // Four times the form factor of a rectangle at its corner (Howell, configuration B-3), sides 1 by 1.
-    const double a = 1 / height, root = std::sqrt(1 + a * a);
-    const double form_factor = 4 * 2 * a / root * std::atan(a / root) / (2 * M_PI);
-    EXPECT_NEAR(both.mean(), 0.6 * form_factor, 4 * both.deviation()) << height;
+    EXPECT_NEAR(both.mean(), 0.6 * form_factor_of_lamp(height), 4 * both.deviation()) << height;
     EXPECT_LT(both.deviation(), 0.001) << height;
     EXPECT_GT(sampled.mean(), 0) << height;
     EXPECT_GT(by_chance.mean(), 0) << height;

@@ -143,6 +143,36 @@ TEST(Bsdf, the_mean_weight_is_the_integral_of_the_value) {
   }
 }
 
+// Both ways of sampling have one mean: also of surfaces that are mirrors in part or whole, and from inside of glass.
+TEST(Bsdf, directions_spread_evenly_have_the_same_mean_weight) {
+  std::vector<Case> cases = continuous_cases();
+  cases.push_back({"mirror", params(BsdfKind::conductor, 0, 0)});
+  cases.push_back({"glass", params(BsdfKind::dielectric, 0, 0)});
+  cases.push_back({"pane", params(BsdfKind::thin_dielectric, 0, 0)});
+  cases.push_back({"smooth coat on rough metal", params(BsdfKind::coated_conductor, 0, 0)});
+  cases.push_back({"rough coat on smooth metal", params(BsdfKind::coated_conductor, 0.3f, 0.3f, 0)});
+  for (const Case& c : cases)
+    for (const Float3 w_prev : directions_to(c.bsdf)) {
+      constexpr int kSamples = 200000;
+      test::Random u(7);
+      double sum[2] = {0, 0}, squares[2] = {0, 0};
+      for (int i = 0; i < kSamples; ++i) {
+        const float x = u(), y = u(), lobe = u();
+        const BsdfSample evenly = sample_evenly(c.bsdf, w_prev, {x, y}, lobe);
+        const double weights[] = {sample_bsdf(c.bsdf, w_prev, {x, y}, lobe).weight.g, evenly.weight.g};
+        for (int k = 0; k < 2; ++k) sum[k] += weights[k], squares[k] += weights[k] * weights[k];
+        ASSERT_TRUE(evenly.is_transmission == (evenly.w_next_local.z * w_prev.z < 0) || evenly.weight.g == 0);
+      }
+      double variance = 0;
+      for (int k = 0; k < 2; ++k) {
+        const double mean = sum[k] / kSamples;
+        variance += std::max(0.0, squares[k] / kSamples - mean * mean) / kSamples;
+      }
+      // Five standard errors of some forty comparisons, and the rounding of sums.
+      EXPECT_NEAR(sum[1] / kSamples, sum[0] / kSamples, 5 * std::sqrt(variance) + 1e-6) << c.name << " z " << w_prev.z;
+    }
+}
+
 TEST(Bsdf, reflection_is_reciprocal) {
   for (const Case& c : continuous_cases()) {
     test::Random u(7);

@@ -54,20 +54,23 @@ Lights three_triangles() {
 
 TEST(Light, the_density_of_a_chance_hit_is_that_of_sampling_bit_for_bit) {
   const Lights lights = three_triangles();
-  const LightTable table = lights.table();
+  LightTable table = lights.table();
   test::Random u(3);
-  int compared = 0;
-  for (int i = 0; i < 20000; ++i) {
-    const Float3 receiver = u.point(4);
-    const float select = u(), x = u(), y = u();
-    const LightSample got = sample(lights, receiver, select, {x, y});
-    if (!(got.pdf_solid_angle > 0)) continue;
-    const uint32_t index = select < 0.5f ? 0 : select < 0.6f ? 1 : 2;
-    const TriangleShape shape = emitter_in_world(table, 0, index);
-    ASSERT_EQ(emitter_pdf_solid_angle(table, {receiver}, 0, index, shape, got.point_world), got.pdf_solid_angle) << i;
-    ++compared;
+  for (const bool by_area : {false, true}) {
+    table.emitters_by_area = by_area;
+    int compared = 0;
+    for (int i = 0; i < 20000; ++i) {
+      const Float3 receiver = u.point(4);
+      const float select = u(), x = u(), y = u();
+      const LightSample got = sample_light(table, {receiver}, {select, 0}, {x, y});
+      if (!(got.pdf_solid_angle > 0)) continue;
+      const uint32_t index = select < 0.5f ? 0 : select < 0.6f ? 1 : 2;
+      const TriangleShape shape = emitter_in_world(table, 0, index);
+      ASSERT_EQ(emitter_pdf_solid_angle(table, {receiver}, 0, index, shape, got.point_world), got.pdf_solid_angle) << i;
+      ++compared;
+    }
+    EXPECT_GT(compared, 19000) << by_area;
   }
-  EXPECT_GT(compared, 19000);
 }
 
 TEST(Light, lights_are_chosen_as_often_as_their_pmf_says) {

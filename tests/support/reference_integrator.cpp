@@ -9,6 +9,7 @@
 #include "pipeline/render/attribute_store.h"
 #include "pipeline/render/resolve_material.h"
 #include "pipeline/render/select_lights.h"
+#include "pipeline/render/select_tables.h"
 #include "pipeline/render/shade_hits.h"
 #include "pipeline/render/route_hits.h"
 #include "pipeline/render/shade_path.h"
@@ -175,9 +176,11 @@ class Walker {
 struct ReferenceState {
   std::unique_ptr<AttributeStore> attributes;
   std::unique_ptr<cache::TextureCache> textures;
+  SelectedTextures texture_nodes;
   std::unique_ptr<TextureEvaluator> evaluator;
   std::unique_ptr<MaterialResolver> resolver;
   std::unique_ptr<VolumeStore> volumes;
+  SelectedMedia medium_tables;
   MediaInputs media;
   SelectedLights lights;
   ShadeInputs inputs;
@@ -193,16 +196,19 @@ Status open(const Store& store, const ReferenceOptions& options, ReferenceState&
                     cache::TextureCache::open(store.textures_path(), store.images(), {.memory_limit_bytes = bytes},
                                               store.face_containers(), store.face_textures()));
   }
-  state.evaluator = std::make_unique<TextureEvaluator>(store.textures(), state.textures.get());
+  state.texture_nodes = SelectedTextures(store, options.settings.render.texture_filter);
+  state.evaluator = std::make_unique<TextureEvaluator>(state.texture_nodes.nodes(), state.textures.get());
   const RenderSettings& render = options.settings.render;
-  state.lights = SelectedLights(store, render.light_selection);
+  state.lights = SelectedLights(store, render);
   state.inputs.settings = {state.lights.table(), std::min(render.max_depth, kMostBounces), render.seed, render.sampler,
                            ray_times(store, options.settings).shutter};
   state.inputs.tables = {store.meshes(), store.materials(), state.evaluator.get()};
   state.inputs.instances = store.page_tree().instances;
   state.inputs.motions = store.motions();
   state.inputs.settings.media = store.medium_tables().media;
-  state.media = {store.medium_tables(), nullptr, render.seed};
+  state.inputs.settings.estimator = render.estimator, state.inputs.settings.roulette = render.roulette != 0;
+  state.medium_tables = SelectedMedia(store, render.majorants);
+  state.media = {state.medium_tables.tables(), nullptr, render.seed};
   if (const auto bricks = store.medium_tables().volumes.bricks; !bricks.empty()) {
     SPILLWAY_ASSIGN(auto volumes, load_all(store.volumes_path(), bricks, MemoryTag::volumes, cache::validate_volume_brick));
     state.volumes = std::make_unique<VolumeStore>(std::move(volumes));
