@@ -173,7 +173,7 @@ TEST_F(LabCommand, what_makes_no_sense_is_refused_and_leaves_no_page) {
                  "48 x 32");
   expect_refused(box_ + box_ + small_ + "--reference a.exr", 2, "--reference is of one scene");
   expect_refused(box_ + small_ + "--peers none.csv", 3, "none.csv");
-  expect_refused(box_ + small_ + "--axis memory --memory-limits 1MiB", 3, "budget");
+  expect_refused(box_ + small_ + "--axis memory --memory-limits 1MiB", 3, "this frame needs at least");
   std::ofstream(folder_ / "broken.pbrt") << "WorldBegin\nShape \"sphere\" \"float radius\" [";
   expect_refused("broken.pbrt " + small_, 3, "broken.pbrt:2");
   std::ofstream(folder_ / "file") << "x";

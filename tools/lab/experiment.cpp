@@ -187,6 +187,10 @@ class Experiment {
     if (result.axis.keeps_bits) result.remarks.push_back(equality_of_bits(rows));
     if (result.axis.name == "light-selection" && store.light_table().tree.empty())
       result.remarks.push_back("The scene has too few lights for a tree: `tree` chooses by power.");
+    if (const Band& last = result.curves.front().points.back().rel_mse; last.high > 4 * last.low)
+      result.remarks.push_back(
+          "Heavy tails: a few pixels carry most of the squared error, so that its bands are wide and its order may be "
+          "chance. FLIP, which bounds what a pixel counts, says more.");
     for (const Curve& curve : result.curves)
       for (const CurvePoint& p : curve.points)
         if (!p.is_above_reference_noise) {
