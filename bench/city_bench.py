@@ -276,10 +276,10 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument('bench', choices=['memory', 'size', 'ablations', 'forest', 'whatif'])
     parser.add_argument('--spillway', default=os.path.join(HERE, '..', 'build', 'spillway'))
-    parser.add_argument('--work', default='/tmp/spillway-bench', help='for stores and results [%(default)s]')
+    parser.add_argument('--work', required=True, help='directory for stores and results')
     parser.add_argument('--buildings', type=int, default=10500, help='of the city; of the smallest for size [%(default)s]')
     parser.add_argument('--camera', default='street')
-    parser.add_argument('--forest', help='a store of houses and instanced trees')
+    parser.add_argument('--forest', help='of forest: a store of houses and instanced trees, of `spillway city --format store --trees N`')
     parser.add_argument('--share', type=int, default=25, help='%% of the geometry in memory, for ablations [%(default)s]')
     parser.add_argument('--memory', default='1GiB', help='budget for size [%(default)s]')
     parser.add_argument('--resolution', default='1280x720')
@@ -288,6 +288,8 @@ def main():
     parser.add_argument('--only', action='append', help='regular expressions of the results to make now')
     parser.add_argument('--write', action='store_true', help='into bench/RESULTS.md and bench/charts')
     arguments = parser.parse_args()
+    if arguments.bench == 'forest' and arguments.forest is None:
+        parser.error('forest needs --forest STORE')
     arguments.spillway = os.path.abspath(arguments.spillway)
     globals()[arguments.bench](Bench(arguments))
 

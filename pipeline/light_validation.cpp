@@ -248,6 +248,9 @@ Status validate_light_trees(const StoreTables& t, std::string_view where) {
       t.instance_leaves[0] != kNoLightNode)
     return damaged(where, section::kInstanceLeaves, 0, "{} leaves of {} instances", t.instance_leaves.size(),
                    t.instances.size());
+  for (size_t i = 1; i < t.instances.size(); ++i)
+    if (t.instances[i].motion != 0 && t.light_roots[t.instances[i].object] != kNoLightNode)
+      return damaged(where, section::kInstances, i, "emits light and moves, but light trees know one place for each");
   return LightTreeWalk(t, where).walk();
 }
 

@@ -39,7 +39,7 @@ build() {
 }
 
 tools/setup.sh || exit 1
-build release || { echo "0 passed, 1 failed"; exit 1; }
+build release || { echo "0 passed, 1 failed, 0 skipped"; exit 1; }
 run build cache 3
 run build shading 3
 run build pipeline 5
@@ -48,7 +48,7 @@ run build tools 6
 
 # Leaks are looked for in our own allocations; the libraries keep global tables for the life of the process.
 export ASAN_OPTIONS=detect_leaks=0 UBSAN_OPTIONS=print_stacktrace=1
-build asan || { echo "$passed passed, $((failed + 1)) failed"; exit 1; }
+build asan || { echo "$passed passed, $((failed + 1)) failed, $skipped skipped"; exit 1; }
 run build/asan cache 4
 run build/asan shading 4
 run build/asan pipeline 10

@@ -6,7 +6,7 @@
 #include "cache/base/motion.h"
 #include "pipeline/pack/cut_bricks.h"
 #include "pipeline/pack/volume_decoder.h"
-#include "pipeline/store_validation.h"
+#include "pipeline/scene_validation.h"
 
 namespace spillway::pipeline {
 namespace {

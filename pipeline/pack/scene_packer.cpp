@@ -18,7 +18,7 @@
 #include "pipeline/shutter.h"
 #include "pipeline/source_files.h"
 #include "pipeline/store.h"
-#include "pipeline/store_validation.h"
+#include "pipeline/scene_validation.h"
 #include "shading/bsdf.h"
 
 namespace spillway::pipeline {

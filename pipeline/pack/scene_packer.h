@@ -32,7 +32,7 @@
 #include "pipeline/pack/pack_page_tree.h"
 #include "pipeline/pack/pack_report.h"
 #include "pipeline/pack/scene_sink.h"
-#include "pipeline/store_validation.h"
+#include "pipeline/scene_validation.h"
 
 namespace spillway::pipeline {
 

@@ -8,7 +8,7 @@
 
 #include "pipeline/pack/scene_sink.h"
 #include "pipeline/pack/subdivision_cage.h"
-#include "pipeline/store_validation.h"
+#include "pipeline/scene_validation.h"
 
 namespace spillway::tools {
 
