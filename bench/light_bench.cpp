@@ -1,12 +1,11 @@
 // How well lights are chosen, on a store, in one run:
 //
-//   light_bench STORE [--receivers N] [--threads N] [--seed N] [--up x|y|z]
+//   light_bench STORE [--receivers N] [--threads N] [--seed N] [--up x|y|z] [--costs-only]
 //
 // 1. What a selection costs, by the tree, by power and uniformly, at the receivers.
 // 2. Against the optimum: at street receivers (below lamps, facing up) every light is enumerated. The variance of one
 //    light sample is that of the tree's chances over that of chances in proportion to the unoccluded contribution; both
 //    with the same places on the lights, and the same shadows.
-
 
 #include <CLI/CLI.hpp>
 #include <chrono>
@@ -28,6 +27,7 @@ struct Arguments {
   int threads = 2;
   uint64_t seed = 1;
   std::string up = "z";
+  bool costs_only = false;
 };
 
 // Contributions below this part of the whole are not worth a shadow ray; they count as seen.
@@ -90,6 +90,7 @@ Moments enumerate(const shading::LightTable& lights, const test::Tracer& tracer,
     Float3 point{0, 0, 0};
   };
   std::vector<Sampled> sampled;
+  const shading::LightChances chances(lights.tree, receiver);
   double whole = 0;
   for (const auto& [instance, emitter] : standing) {
     const shading::TriangleShape shape = shading::emitter_in_world(lights, instance, emitter);
@@ -108,7 +109,7 @@ Moments enumerate(const shading::LightTable& lights, const test::Tracer& tracer,
     s.value = value_at({x, random.unit()}, s.point);
     if (s.value == 0 && s.unshadowed == 0) continue;
     s.unshadowed = std::max(s.unshadowed, 1e-3 * s.value);
-    s.pmf = shading::emitter_pmf(lights.tree, receiver, instance, emitter);
+    s.pmf = chances.of_emitter(instance, emitter);
     whole += s.unshadowed;
     sampled.push_back(s);
   }
@@ -117,7 +118,8 @@ Moments enumerate(const shading::LightTable& lights, const test::Tracer& tracer,
     if (s.value == 0) continue;
     const Float3 to = s.point - receiver.position_world;
     const bool worth = s.value > kWorthARay * whole;
-    if (worth && (tracer.occlusion({receiver.position_world, 0.999f, to, 0}).flags & cache::kHitOccluded) != 0) continue;
+    if (worth && (tracer.occlusion({receiver.position_world, 0.999f, to, 0}).flags & cache::kHitOccluded) != 0)
+      continue;
     m.first += s.value;
     m.best += s.value * s.value * whole / s.unshadowed;
     if (s.pmf > 0) m.tree += s.value * s.value / s.pmf;
@@ -125,8 +127,9 @@ Moments enumerate(const shading::LightTable& lights, const test::Tracer& tracer,
   return m;
 }
 
-void against_the_optimum(const shading::LightTable& lights, const test::Tracer& tracer, const std::vector<Standing>& standing,
-                         const std::vector<Float3>& receivers, const Arguments& arguments) {
+void against_the_optimum(const shading::LightTable& lights, const test::Tracer& tracer,
+                         const std::vector<Standing>& standing, const std::vector<Float3>& receivers,
+                         const Arguments& arguments) {
   Float3 up{0, 0, 0};
   up[arguments.up[0] - 'x'] = 1;
   const uint16_t packed = shading::pack_receiver_normal(up);
@@ -139,7 +142,9 @@ void against_the_optimum(const shading::LightTable& lights, const test::Tracer& 
   for (const Moments& m : moments)
     if (m.first > 0) ratios.push_back(m.ratio());
   std::sort(ratios.begin(), ratios.end());
-  const auto at = [&](double part) { return ratios[static_cast<size_t>(part * static_cast<double>(ratios.size() - 1))]; };
+  const auto at = [&](double part) {
+    return ratios[static_cast<size_t>(part * static_cast<double>(ratios.size() - 1))];
+  };
   if (ratios.empty()) return;
   fmt::print("variance over the optimum's at {} receivers: median {:.2f}, 90 % {:.2f}, 99 % {:.2f}, largest {:.2f}\n",
              ratios.size(), at(0.5), at(0.9), at(0.99), ratios.back());
@@ -147,7 +152,8 @@ void against_the_optimum(const shading::LightTable& lights, const test::Tracer& 
 
 void cost_of_a_selection(const Store& store, const std::vector<Float3>& receivers) {
   const uint16_t up = shading::pack_receiver_normal({0, 0, 1});
-  for (const auto& [name, selection] : {std::pair{"tree", LightSelection::tree}, {"power", LightSelection::power},
+  for (const auto& [name, selection] : {std::pair{"tree", LightSelection::tree},
+                                        {"power", LightSelection::power},
                                         {"uniform", LightSelection::uniform}}) {
     const SelectedLights selected(store, selection);
     Random random(2);
@@ -174,10 +180,10 @@ Status run(const Arguments& arguments) {
   const double bytes = static_cast<double>(memory_use(MemoryTag::lights).current_bytes);
   const std::vector<Float3> receivers = street_receivers(lights, *tracer, standing, arguments);
   if (receivers.empty()) return error("{}: nothing lies below its lamps", arguments.store.string());
-  fmt::print("{} emitting triangles stored, {} standing, {} nodes, {:.1f} MB of lights in all\n", lights.emitters.size(),
-             standing.size(), lights.tree.nodes.size(), bytes * 1e-6);
+  fmt::print("{} emitting triangles stored, {} standing, {} nodes, {:.1f} MB of lights in all\n",
+             lights.emitters.size(), standing.size(), lights.tree.nodes.size(), bytes * 1e-6);
   cost_of_a_selection(store, receivers);
-  against_the_optimum(lights, *tracer, standing, receivers, arguments);
+  if (!arguments.costs_only) against_the_optimum(lights, *tracer, standing, receivers, arguments);
   return {};
 }
 
@@ -192,6 +198,7 @@ int main(int argc, char** argv) {
   app.add_option("--threads", arguments.threads);
   app.add_option("--seed", arguments.seed);
   app.add_option("--up", arguments.up, "the axis that points up")->check(CLI::IsMember({"x", "y", "z"}));
+  app.add_flag("--costs-only", arguments.costs_only, "1. alone");
   CLI11_PARSE(app, argc, argv);
   const auto status = spillway::on_threads(arguments.threads, [&] { return spillway::bench::run(arguments); });
   if (!status) fmt::print(stderr, "light_bench: {}\n", status.error().message);

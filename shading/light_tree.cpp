@@ -1,142 +1,59 @@
 #include "shading/light_tree.h"
 
+#include <immintrin.h>
+
 #include <algorithm>
 #include <cmath>
+
+#include "shading/weigh_lights.h"
 
 namespace spillway::shading {
 namespace {
 
-// Packed normals are off by at most 0.0164 rad; a test looks for worse.
-constexpr float kNormalError = 0.0175f;
-// Mean of 1 / d^2 over a box, against the squared distance of its centre: 1 / (d^2 + this * half diagonal^2).
-constexpr float kSpreadOfDistance = 0.4f;
-// A cluster around the receiver, or with normals to all sides, always has a part that may shine here.
-constexpr float kLeastOfWide = 1.0f / 64;
-constexpr float kLargestWeight = 1e30f;
-constexpr float kSmallestSquare = 1e-30f;
+// A child whose doubt is a smaller part of the whole is not looked into.
+constexpr float kWorthALook = 1e-3f;
 
-// The receiver in the space of a tree.
-struct LocalReceiver {
-  Float3 position;
-  Float3 normal;  // zero: none
-};
-
-LocalReceiver in_world(const LightReceiver& receiver) {
-  return {receiver.position_world,
-          receiver.packed_normal == 0 ? Float3{0, 0, 0} : unpack_receiver_normal(receiver.packed_normal)};
-}
-
-// Normals are planes: those before and behind them stay so under any transform.
-LocalReceiver in_object(const LocalReceiver& world, const LightInstance& instance) {
-  LocalReceiver local{instance.object_from_world.point(world.position), {0, 0, 0}};
-  const Float3 n = instance.world_from_object.transposed_vector(world.normal);
-  const float squared = length_squared(n);
-  if (squared > 0 && std::isfinite(squared)) local.normal = n * (1 / std::sqrt(squared));
-  return local;
-}
-
-// The mean of max(0, c + s x) over x in [-1, 1].
-inline float mean_positive(float c, float s) {
-  const float t = std::max(0.0f, c + s);
-  return c >= s ? c : t * t / (4 * s);
-}
-
-struct Weights {
-  alignas(32) float of[kLightNodeWidth];
-  float sum;
-};
-
-// How each child lies to the receiver; arrays of eight for the compiler to work on side by side.
-struct Relations {
-  alignas(32) float squared[8], spread_squared[8];  // distance of the centre, half diagonal
-  alignas(32) float nearness[8];                    // 1 outside of the bounding sphere, less towards its centre
-  alignas(32) float sine[8], cosine[8];             // of half the angle that the bounding sphere fills
-  alignas(32) float emitted[8], received[8];        // cosines of the centre's direction, times nearness
-};
-
-void relate(const LightNode& node, const LocalReceiver& receiver, Relations& r) {
-  const Float3 base{node.origin[0] - receiver.position.x, node.origin[1] - receiver.position.y,
-                    node.origin[2] - receiver.position.z};
-  const Float3 half_scale{0.5f * node.scale[0], 0.5f * node.scale[1], 0.5f * node.scale[2]};
-  for (int i = 0; i < 8; ++i) {
-    const float lx = node.lower[0][i], ly = node.lower[1][i], lz = node.lower[2][i];
-    const float ux = node.upper[0][i], uy = node.upper[1][i], uz = node.upper[2][i];
-    const float cx = base.x + half_scale.x * (lx + ux), cy = base.y + half_scale.y * (ly + uy),
-                cz = base.z + half_scale.z * (lz + uz);
-    const float hx = half_scale.x * (ux - lx), hy = half_scale.y * (uy - ly), hz = half_scale.z * (uz - lz);
-    const float squared = std::max(cx * cx + cy * cy + cz * cz, kSmallestSquare);
-    const float spread = hx * hx + hy * hy + hz * hz;
-    const float ratio = spread / squared;  // of the sphere's radius to the distance, squared
-    const float inverse = 1 / std::sqrt(squared);
-    const float nearness = ratio > 1 ? 1 / std::sqrt(ratio) : 1.0f;
-    const float ax = node.axis[0][i], ay = node.axis[1][i], az = node.axis[2][i];
-    const float axis_squared = std::max(ax * ax + ay * ay + az * az, 1.0f);
-    r.squared[i] = squared, r.spread_squared[i] = spread, r.nearness[i] = nearness;
-    r.sine[i] = std::sqrt(std::min(ratio, 1.0f));
-    r.cosine[i] = std::sqrt(std::max(0.0f, 1 - ratio));
-    r.emitted[i] = -(ax * cx + ay * cy + az * cz) * inverse / std::sqrt(axis_squared) * nearness;
-    r.received[i] = (receiver.normal.x * cx + receiver.normal.y * cy + receiver.normal.z * cz) * inverse * nearness;
-  }
-}
-
-// The mean of the cosine at the emitters, for each child.
-void emission(const LightNode& node, const Relations& r, float (&out)[8]) {
-  for (int i = 0; i < 8; ++i) {
-    const float cos_cone = static_cast<float>(node.cone[i]) * (1.0f / 32767) - 1;
-    const float sin_cone = std::sqrt(std::max(0.0f, 1 - cos_cone * cos_cone));
-    // The angle by which directions and normals may be off, together.
-    const float cos_off = cos_cone * r.cosine[i] - sin_cone * r.sine[i];
-    const float sin_off = sin_cone * r.cosine[i] + cos_cone * r.sine[i];
-    const bool wide = cos_off <= 0;
-    const float spread = wide ? 1.0f : std::max(sin_off, 1e-4f);
-    const float c = wide ? r.emitted[i] * std::max(0.0f, sin_off) : r.emitted[i];
-    const float one = mean_positive(c, spread), other = mean_positive(-c, spread);
-    const float both = 0.5f * (one + other);
-    const float mean = (node.two_sided >> i & 1) != 0 ? both : one;
-    out[i] = wide ? std::max(mean, kLeastOfWide) : mean;
-  }
-}
-
-float sum_of(const float (&w)[8]) {
-  float sum = 0;
-  for (int i = 0; i < 8; ++i) sum += w[i];
-  return sum;
-}
-
-void weigh(const LightTree& tree, uint32_t index, const LocalReceiver& receiver, Weights& w) {
-  const LightNode& node = tree.nodes[index];
+void weigh_or_by_energy(const LightTree& tree, uint32_t node, const LocalLightReceiver& receiver, LightWeights& w) {
   w.sum = 0;
-  if (!tree.by_energy) {
-    Relations r;
-    relate(node, receiver, r);
-    alignas(32) float emitted[8];
-    emission(node, r, emitted);
-    const bool has_normal = !(receiver.normal == Float3{0, 0, 0});
-    for (int i = 0; i < 8; ++i) {
-      const float received = mean_positive(r.received[i], std::min(1.0f, r.sine[i] + kNormalError));
-      const float cosines = emitted[i] * (has_normal ? received : 1.0f);
-      w.of[i] =
-          std::min(node.energy[i] * cosines / (r.squared[i] + kSpreadOfDistance * r.spread_squared[i]), kLargestWeight);
-    }
-    w.sum = sum_of(w.of);
-  }
-  if (w.sum > 0) return;
-  std::copy(node.energy, node.energy + 8, w.of);
-  w.sum = sum_of(w.of);
+  if (!tree.by_energy) weigh_lights(tree.nodes[node], receiver, w);
+  if (!(w.sum > 0)) weigh_lights_by_energy(tree.nodes[node], w);
 }
 
-// The slot whose part of the sum holds u, which becomes the place inside of that part.
-uint32_t choose(const Weights& w, double& u) {
-  const double target = u * static_cast<double>(w.sum);
-  double before = 0;
-  uint32_t slot = 0;
-  for (uint32_t i = 0; i < kLightNodeWidth; ++i) {
-    if (!(w.of[i] > 0)) continue;
-    slot = i;
-    if (target < before + static_cast<double>(w.of[i])) break;
-    before += static_cast<double>(w.of[i]);
+// The sums of the first one, two, ... eight weights.
+struct Prefixes {
+  alignas(32) double before[kLightNodeWidth + 1];
+  explicit Prefixes(const float (&weight)[kLightNodeWidth]) {
+    const auto scan = [](__m256d x) {
+      const __m256d zero = _mm256_setzero_pd();
+      x = _mm256_add_pd(x, _mm256_blend_pd(_mm256_permute4x64_pd(x, 0x90), zero, 1));
+      return _mm256_add_pd(x, _mm256_blend_pd(_mm256_permute4x64_pd(x, 0x44), zero, 3));
+    };
+    const __m256d low = scan(_mm256_cvtps_pd(_mm_load_ps(weight)));
+    const __m256d high =
+        _mm256_add_pd(scan(_mm256_cvtps_pd(_mm_load_ps(weight + 4))), _mm256_permute4x64_pd(low, 0xff));
+    before[0] = 0;
+    _mm256_storeu_pd(before + 1, low);
+    _mm256_storeu_pd(before + 5, high);
+    low_ = low, high_ = high;
   }
-  const double inside = (target - before) / static_cast<double>(w.of[slot]);
+  // How many of the sums are at most x.
+  [[nodiscard]] uint32_t count_until(double x) const {
+    const __m256d at = _mm256_set1_pd(x);
+    const int low = _mm256_movemask_pd(_mm256_cmp_pd(low_, at, _CMP_LE_OQ));
+    const int high = _mm256_movemask_pd(_mm256_cmp_pd(high_, at, _CMP_LE_OQ));
+    return static_cast<uint32_t>(__builtin_popcount(static_cast<unsigned>(low | high << 4)));
+  }
+
+ private:
+  __m256d low_, high_;
+};
+
+// The slot whose part of the weights holds the target; u becomes the place inside of that part.
+uint32_t choose(const float (&weight)[kLightNodeWidth], double target, double& u) {
+  const Prefixes sums(weight);
+  uint32_t slot = std::min(sums.count_until(target), uint32_t{kLightNodeWidth - 1});
+  while (slot > 0 && !(weight[slot] > 0)) --slot;  // only where rounding led beyond the last one
+  const double inside = (target - sums.before[slot]) / static_cast<double>(weight[slot]);
   u = std::min(std::max(inside, 0.0), 0x1.fffffffffffffp-1);
   return slot;
 }
@@ -151,6 +68,14 @@ struct Trail {
       places[count++] = place;
   }
 };
+
+// What brings weights of an object's tree to the world's: the energy that the instance has there, over the mean square
+// of what lengths are multiplied by.
+float scale_of_instance(const LightInstance& instance, float energy) {
+  float squares = 0;
+  for (const auto& row : instance.world_from_object.m) squares += row[0] * row[0] + row[1] * row[1] + row[2] * row[2];
+  return 3 * energy / squares;
+}
 
 }  // namespace
 
@@ -178,51 +103,137 @@ Float3 unpack_receiver_normal(uint16_t packed) {
   return normalize(n);
 }
 
-LightPick pick_light(const LightTree& tree, const LightReceiver& receiver, double u) {
-  const LocalReceiver world = in_world(receiver);
-  LocalReceiver local = world;
-  LightPick pick;
-  uint32_t node = tree.roots[0];
-  float pmf = 1;
-  while (node != kNoLightNode) {
-    Weights w;
-    weigh(tree, node, local, w);
-    if (!(w.sum > 0)) return {};
-    const uint32_t slot = choose(w, u);
-    pmf *= w.of[slot] / w.sum;
-    const uint32_t child = tree.nodes[node].child[slot];
-    pick.index = light_child_index(child), pick.kind = light_child_kind(child);
-    if (pick.kind == LightChild::node) {
-      node = pick.index;
-    } else if (pick.kind == LightChild::instance) {
-      pick.instance = pick.index;
-      const LightInstance& instance = tree.instances[pick.instance];
-      local = in_object(world, instance);
-      node = tree.roots[instance.object];
-    } else {
-      pick.pmf = pmf;
-      return pick;
-    }
-  }
-  return {};
+// A slot of a node, and how to see it.
+struct LightChances::Place {
+  uint32_t node, slot, instance;
+  LocalLightReceiver receiver;
+  float pmf;
+};
+
+LightChances::LightChances(const LightTree& tree, const LightReceiver& receiver)
+    : tree_(tree), world_(receiver_in_world(receiver)) {
+  if (!tree.by_energy && tree.roots[0] != kNoLightNode) make_front();
 }
 
-float emitter_pmf(const LightTree& tree, const LightReceiver& receiver, uint32_t instance, uint32_t emitter) {
-  if (tree.emitter_leaves[emitter] == kNoLightNode) return 0;
+void LightChances::add_part(uint32_t node, uint32_t instance, const LocalLightReceiver& receiver) {
+  Part& part = parts_[count_];
+  LightWeights weights;
+  weigh_lights(tree_.nodes[node], receiver, weights, part.urgency);
+  std::copy(weights.of, weights.of + kLightNodeWidth, part.weight);
+  std::fill(std::begin(part.replaced_by), std::end(part.replaced_by), uint8_t{0});
+  part.receiver = receiver, part.sum = weights.sum;
+  part.node = node, part.instance = instance;
+  most_urgent_[count_++] = *std::max_element(std::begin(part.urgency), std::end(part.urgency));
+}
+
+void LightChances::make_front() {
+  add_part(tree_.roots[0], 0, world_);
+  float sum = parts_[0].sum;  // running
+  while (count_ < kLightFrontNodes) {
+    const auto part = static_cast<uint32_t>(std::max_element(most_urgent_, most_urgent_ + count_) - most_urgent_);
+    if (!(most_urgent_[part] > kWorthALook * sum)) break;
+    const float(&urgency)[kLightNodeWidth] = parts_[part].urgency;
+    const auto slot = static_cast<uint32_t>(std::max_element(urgency, urgency + kLightNodeWidth) - urgency);
+    const float before = parts_[part].weight[slot];
+    if (!replace(part, slot)) break;
+    sum += parts_[count_ - 1].sum - before;
+  }
+  sum_ = 0;
+  for (uint32_t i = 0; i < count_; ++i) sum_ += parts_[i].sum;
+}
+
+// By the node below it.
+bool LightChances::replace(uint32_t index, uint32_t slot) {
+  Part& part = parts_[index];
+  const uint32_t child = tree_.nodes[part.node].child[slot], below = light_child_index(child);
+  const bool is_instance = light_child_kind(child) == LightChild::instance;
+  const uint32_t node = is_instance ? tree_.roots[tree_.instances[below].object] : below;
+  if (node == kNoLightNode) return false;
+  part.weight[slot] = 0, part.urgency[slot] = 0;
+  part.replaced_by[slot] = static_cast<uint8_t>(count_);
+  part.sum = 0;
+  for (const float w : part.weight) part.sum += w;
+  most_urgent_[index] = *std::max_element(std::begin(part.urgency), std::end(part.urgency));
+  if (is_instance) {
+    LocalLightReceiver local = receiver_in_object(world_, tree_.instances[below]);
+    local.scale = scale_of_instance(tree_.instances[below], tree_.nodes[part.node].energy[slot]);
+    add_part(node, below, local);
+  } else {
+    add_part(node, part.instance, part.receiver);
+  }
+  return true;
+}
+
+LightChances::Place LightChances::choose_in_front(double& u) const {
+  if (!(sum_ > 0)) {
+    LightWeights w;
+    weigh_lights_by_energy(tree_.nodes[tree_.roots[0]], w);
+    const uint32_t slot = choose(w.of, u * static_cast<double>(w.sum), u);
+    return {tree_.roots[0], slot, 0, world_, w.of[slot] / w.sum};
+  }
+  double target = u * static_cast<double>(sum_);
+  uint32_t chosen = 0;
+  for (uint32_t i = 0; i < count_; ++i) {
+    if (!(parts_[i].sum > 0)) continue;
+    chosen = i;
+    if (target < static_cast<double>(parts_[i].sum)) break;
+    target -= static_cast<double>(parts_[i].sum);
+  }
+  const Part& part = parts_[chosen];
+  const uint32_t slot = choose(part.weight, target, u);
+  return {part.node, slot, part.instance, part.receiver, part.weight[slot] / sum_};
+}
+
+LightPick LightChances::pick(double u) const {
+  if (tree_.roots[0] == kNoLightNode) return {};
+  Place at = choose_in_front(u);
+  while (true) {
+    const uint32_t child = tree_.nodes[at.node].child[at.slot], index = light_child_index(child);
+    const LightChild kind = light_child_kind(child);
+    if (kind == LightChild::emitter || kind == LightChild::light) return {kind, index, at.instance, at.pmf};
+    at.node = index;
+    if (kind == LightChild::instance) {
+      at.receiver = receiver_in_object(world_, tree_.instances[index]);
+      at.instance = index, at.node = tree_.roots[tree_.instances[index].object];
+      if (at.node == kNoLightNode) return {};
+    }
+    LightWeights w;
+    weigh_or_by_energy(tree_, at.node, at.receiver, w);
+    if (!(w.sum > 0)) return {};
+    at.slot = choose(w.of, u * static_cast<double>(w.sum), u);
+    at.pmf *= w.of[at.slot] / w.sum;
+  }
+}
+
+float LightChances::of_emitter(uint32_t instance, uint32_t emitter) const {
+  if (tree_.emitter_leaves[emitter] == kNoLightNode) return 0;
   Trail trail;
-  trail.climb(tree, tree.emitter_leaves[emitter]);
+  trail.climb(tree_, tree_.emitter_leaves[emitter]);
   const uint32_t in_object_count = trail.count;
   if (instance != 0) {
-    if (instance >= tree.instance_leaves.size() || tree.instance_leaves[instance] == kNoLightNode) return 0;
-    trail.climb(tree, tree.instance_leaves[instance]);
+    if (instance >= tree_.instance_leaves.size() || tree_.instance_leaves[instance] == kNoLightNode) return 0;
+    trail.climb(tree_, tree_.instance_leaves[instance]);
   }
-  const LocalReceiver world = in_world(receiver);
-  LocalReceiver local = world;
+  uint32_t i = trail.count;
+  LocalLightReceiver local = world_;
   float pmf = 1;
-  for (uint32_t i = trail.count; i-- > 0;) {
-    if (instance != 0 && i + 1 == in_object_count) local = in_object(world, tree.instances[instance]);
-    Weights w;
-    weigh(tree, trail.places[i] / kLightNodeWidth, local, w);
+  for (uint32_t part = 0; sum_ > 0;) {  // down to the place that stands in the front
+    const uint32_t slot = trail.places[--i] % kLightNodeWidth;
+    local = parts_[part].receiver;
+    if (parts_[part].replaced_by[slot] == 0) {
+      pmf = parts_[part].weight[slot] / sum_;
+      break;
+    }
+    part = parts_[part].replaced_by[slot];
+  }
+  while (i-- > 0) {
+    if (instance != 0 && i + 1 == in_object_count) local = receiver_in_object(world_, tree_.instances[instance]);
+    LightWeights w;
+    // A front without weight is left by energy, as sampling leaves it.
+    if (!(sum_ > 0) && i + 1 == trail.count)
+      weigh_lights_by_energy(tree_.nodes[tree_.roots[0]], w);
+    else
+      weigh_or_by_energy(tree_, trail.places[i] / kLightNodeWidth, local, w);
     if (!(w.sum > 0)) return 0;
     pmf *= w.of[trail.places[i] % kLightNodeWidth] / w.sum;
   }

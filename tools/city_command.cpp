@@ -26,17 +26,13 @@ constexpr double kUsualTexels = 4;  // a metre
 struct CityArguments {
   CityOptions city;
   fs::path output;
-  std::string format = "pbrt", terrain = "full", memory, frames, geometry, textures;
+  std::string format = "pbrt", terrain = "full", frames;
+  uint64_t memory_bytes = 0;
   uint64_t street_lights = 0, trees = 0, cars = 0;
   float edge_length_px = pipeline::DiceOptions{}.edge_length_px;
   uint32_t threads = 0;
   bool dry_run = false, quiet = false;
 };
-
-std::pair<const char*, std::errc> from_digits(const char* first, const char* last, uint32_t& value) {
-  const auto [at, code] = std::from_chars(first, last, value);
-  return {at, code};
-}
 
 Result<std::unique_ptr<pipeline::SceneSink>> make_sink(const CityArguments& a) {
   if (a.format == "pbrt") {
@@ -45,9 +41,8 @@ Result<std::unique_ptr<pipeline::SceneSink>> make_sink(const CityArguments& a) {
   }
   pipeline::PackOptions pack;
   pack.dice.edge_length_px = a.edge_length_px;
-  if (!a.memory.empty()) {
-    SPILLWAY_ASSIGN(const uint64_t bytes, parse_bytes(a.memory));
-    SPILLWAY_ASSIGN(pack.memory_limit_bytes, pack_limit_bytes(bytes));
+  if (a.memory_bytes != 0) {
+    SPILLWAY_ASSIGN(pack.memory_limit_bytes, pack_limit_bytes(a.memory_bytes));
   }
   SPILLWAY_ASSIGN(auto packer, pipeline::ScenePacker::create(a.output / "city.store", pack));
   return std::unique_ptr<pipeline::SceneSink>(std::move(packer));
@@ -86,23 +81,27 @@ Status read_frames(CityArguments& a) {
   uint32_t& first = a.city.first_frame;
   uint32_t& last = a.city.last_frame;
   const char* const end = a.frames.data() + a.frames.size();
-  auto [at, code] = from_digits(a.frames.data(), end, first);
+  std::from_chars_result read = std::from_chars(a.frames.data(), end, first);
   last = first;
-  if (code == std::errc() && at != end && *at == '-') std::tie(at, code) = from_digits(at + 1, end, last);
-  if (code != std::errc() || at != end || first < 1 || last < first || last > city::kFlightFrames)
+  if (read.ec == std::errc() && read.ptr != end && *read.ptr == '-') read = std::from_chars(read.ptr + 1, end, last);
+  if (read.ec != std::errc() || read.ptr != end || first < 1 || last < first || last > city::kFlightFrames)
     return error("--frames {}: write FIRST-LAST, from 1 to {}", a.frames, city::kFlightFrames);
   return {};
 }
 
-Status make_city(CityArguments& a) {
+// What the command line alone tells.
+Status check_usage(CityArguments& a, const CLI::App& command) {
   SPILLWAY_TRY(read_frames(a));
-  if (!a.geometry.empty()) {
-    SPILLWAY_ASSIGN(a.city.geometry_bytes, parse_bytes(a.geometry));
-  }
-  if (!a.textures.empty()) {
-    if (a.city.tessellate) return error("--textures {}: a tessellated city has none; leave out one of both", a.textures);
-    SPILLWAY_ASSIGN(a.city.texture_bytes, parse_bytes(a.textures));
-  }
+  for (const char* option : {"--memory", "--edge-length-px"})
+    if (a.format != "store" && command.count(option) > 0)
+      return error("{}: is of --format store: text is written as it is made, and diced when it is packed", option);
+  if (a.city.tessellate && a.city.texture_bytes > 0)
+    return error("--textures: a tessellated city has none; leave out one of both");
+  if (a.output.empty() && !a.dry_run) return error("-o is missing: name the folder for the city");
+  return {};
+}
+
+Status make_city(CityArguments& a) {
   if (a.city.tessellate && !a.quiet && a.city.texels_per_metre > 0)
     fmt::print(stderr, "face textures are left out: other renderers have none of this kind\n");
   a.city.hills = a.terrain == "full" || a.terrain == "hills";
@@ -113,11 +112,11 @@ Status make_city(CityArguments& a) {
     fmt::print("{}", city::manifest_json(plan, a.city));
     return {};
   }
-  if (a.output.empty()) return error("-o is missing: name the folder for the city");
   return write_city(a, plan);
 }
 
-int run(CityArguments& a) {
+int run(CityArguments& a, const CLI::App& command) {
+  if (const Status usage = check_usage(a, command); !usage) return fail(usage.error().message, kExitUsage);
   const int threads = a.threads ? static_cast<int>(a.threads) : tbb::this_task_arena::max_concurrency();
   const Status status = on_threads(threads, [&] { return make_city(a); });
   return status ? kExitOk : fail(status.error().message);
@@ -129,24 +128,25 @@ void add_counts(CLI::App& command, CityArguments& a) {
         name, [&into](uint64_t given) { into = given; }, what);
   };
   count("--buildings", a.city.buildings, "[1000, or what --geometry takes]");
-  count("--street-lights", a.city.street_lights, "lamps on kerbs [216 for 83 buildings]");
-  count("--trees", a.city.trees, "[as many as there is room for]");
-  count("--cars", a.city.cars, "parked [half of the places]");
+  count("--street-lights", a.city.street_lights, "lamps on kerbs [216 for 83 buildings, if there is room]");
+  count("--trees", a.city.trees, "[on four fifths of the places]");
+  count("--cars", a.city.cars, "parked [on 11 of 20 places]");
   command
       .add_option_function<double>(
-          "--detail", [&a](double given) { a.city.detail_triangles = given; }, "mean triangles of a building [1900]")
+          "--detail", [&a](double given) { a.city.detail_triangles = given; }, "mean triangles of a building [1900, or what --geometry takes]")
       ->check(CLI::Range(1.0, 1e6));
   command
       .add_option("--unique", a.city.unique, "share of buildings with geometry of their own; others are instances [1]")
       ->check(CLI::Range(0.0, 1.0));
-  command.add_option("--geometry", a.geometry,
-                     "bytes of geometry in the store, such as 40GiB; the buildings, or their detail, follow");
+  add_parsed(command, "--geometry", a.city.geometry_bytes, parse_bytes,
+             "bytes of geometry in the store, such as 40GiB; the buildings, or their detail, follow");
   a.city.texels_per_metre = kUsualTexels;
   command
       .add_option("--texels-per-metre", a.city.texels_per_metre,
                   "of the face textures on buildings and streets; 0 leaves them out [4]")
       ->check(CLI::Range(0.0, 1024.0));
-  command.add_option("--textures", a.textures, "bytes of face textures, such as 20GiB; texels-per-metre follows");
+  add_parsed(command, "--textures", a.city.texture_bytes, parse_bytes,
+             "bytes of face textures, such as 20GiB; texels-per-metre follows");
   command.add_option("--seed", a.city.seed, "another city [1]");
 }
 
@@ -164,21 +164,22 @@ void add_city_command(CLI::App& app, int& exit_code) {
       ->check(CLI::IsMember({"full", "hills", "bay", "flat"}));
   const std::map<std::string, TimeOfDay> times = {
       {"day", TimeOfDay::day}, {"dusk", TimeOfDay::dusk}, {"night", TimeOfDay::night}};
-  command->add_option("--time", a.city.time, "day, dusk or night [day]")->transform(CLI::CheckedTransformer(times));
+  add_choice(*command, "--time", a.city.time, times, "[day]");
   const std::map<std::string, CameraKind> cameras = {
       {"aerial", CameraKind::aerial}, {"street", CameraKind::street}, {"flight", CameraKind::flight}};
-  command->add_option("--camera", a.city.camera, "aerial, street or flight [aerial]")
-      ->transform(CLI::CheckedTransformer(cameras));
+  add_choice(*command, "--camera", a.city.camera, cameras, "[aerial]");
   command->add_option("--frames", a.frames, "FIRST-LAST of the flight's 240 [1]");
   command->add_option("--format", a.format, "pbrt: text and PLY; store: packed [pbrt]")
       ->check(CLI::IsMember({"pbrt", "store"}));
   command->add_flag("--tessellate", a.city.tessellate, "domes, cars and trees as triangles: text that pbrt-v4 reads");
-  command->add_option("--edge-length-px", a.edge_length_px, "longest edge of what is round, on the picture [4]");
-  command->add_option("--memory", a.memory, "limit for packing, such as 2GiB");
+  command->add_option("--edge-length-px", a.edge_length_px, "of a store: longest edge of what is round, on the picture [4]")
+      ->check(positive());
+  add_parsed(*command, "--memory", a.memory_bytes, parse_bytes,
+             "of a store: limit for packing, such as 1GiB [2GiB beside what is loaded]");
   command->add_option("--threads", a.threads, "[all cores]")->check(CLI::Range(1u, 1024u));
   command->add_flag("--dry-run", a.dry_run, "plan and count only; print the manifest");
   command->add_flag("-q,--quiet", a.quiet, "errors only");
-  command->callback([arguments, &exit_code] { exit_code = run(*arguments); });
+  command->callback([arguments, command, &exit_code] { exit_code = run(*arguments, *command); });
 }
 
 }  // namespace spillway::tools

@@ -46,8 +46,9 @@ void add_compare_command(CLI::App& app, int& exit_code) {
   command->add_option("--difference-png", arguments->options.difference_png, "write the relative difference as a picture");
   command->add_flag("--json", arguments->options.json, "for machines");
   command->callback([arguments, &exit_code] {
-    const Status status = read_excluded(*arguments);
-    exit_code = status ? compare_command(arguments->a, arguments->b, arguments->options) : fail(status.error().message);
+    const Status usage = read_excluded(*arguments);
+    exit_code = usage ? compare_images(arguments->a, arguments->b, arguments->options)
+                      : fail(usage.error().message, kExitUsage);
   });
 }
 

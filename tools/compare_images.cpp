@@ -1,9 +1,10 @@
 #include "tools/compare_images.h"
 
-#include <nlohmann/json.hpp>
-
 #include <algorithm>
 #include <cmath>
+
+#include "pipeline/json_text.h"
+#include "tools/commands.h"
 
 namespace spillway::tools {
 namespace {
@@ -90,18 +91,15 @@ Result<PictureComparison> compare_files(const std::filesystem::path& a, const st
 
 }  // namespace
 
-int compare_command(const std::filesystem::path& a, const std::filesystem::path& b,
-                    const CompareImagesOptions& options) {
+int compare_images(const std::filesystem::path& a, const std::filesystem::path& b,
+                   const CompareImagesOptions& options) {
   const auto comparison = compare_files(a, b, options);
-  if (!comparison) {
-    fmt::print(stderr, "error: {}\n", comparison.error().message);
-    return kCompareError;
-  }
+  if (!comparison) return fail(comparison.error().message);
   if (options.json)
-    fmt::print("{}\n", to_json(*comparison).dump(2));
+    fmt::print("{}\n", pipeline::json_text(to_json(*comparison)));
   else
     print_table(*comparison, options.metrics.block_size);
-  return comparison->equal ? kCompareEqual : kCompareDifferent;
+  return comparison->equal ? kExitOk : kExitDifferent;
 }
 
 }  // namespace spillway::tools

@@ -1,15 +1,12 @@
 #pragma once
 
-// `spillway compare a b`: how far two pictures are apart, as a table or JSON.
+// How far two pictures are apart, as a table or JSON.
 
 #include <filesystem>
 
 #include "tools/metrics/compare_pictures.h"
 
 namespace spillway::tools {
-
-// Exit codes, as cmp and diff have them.
-inline constexpr int kCompareEqual = 0, kCompareDifferent = 1, kCompareError = 2;
 
 struct CompareImagesOptions {
   ComparePicturesOptions metrics = {};
@@ -18,8 +15,8 @@ struct CompareImagesOptions {
   std::filesystem::path difference_png = {};  // |a - b| / (|b| + 0.1), the largest channel
 };
 
-// Prints to stdout, errors to stderr. b is the reference.
-int compare_command(const std::filesystem::path& a, const std::filesystem::path& b,
-                    const CompareImagesOptions& options);
+// Prints to stdout, errors to stderr; returns the exit code. b is the reference.
+int compare_images(const std::filesystem::path& a, const std::filesystem::path& b,
+                   const CompareImagesOptions& options);
 
 }  // namespace spillway::tools

@@ -27,14 +27,14 @@ int run(const Arguments& a) {
 
 void add_convert_command(CLI::App& app, int& exit_code) {
   auto* command =
-      app.add_subcommand("convert", "Turns a face texture (.ptx, .facetex, .exr) into another kind of file");
+      app.add_subcommand("convert", "turn a face texture (.ptx, .facetex, .exr) into another kind of file");
   auto arguments = std::make_shared<Arguments>();
-  command->add_option("from", arguments->from, "What to read")->required();
-  command->add_option("to", arguments->to, "What to write: its name says the kind")->required();
-  command->add_option("--encoding", arguments->encoding, "Of the integers of a .ptx file: linear, sRGB, gamma")
+  command->add_option("from", arguments->from, "what to read")->required();
+  command->add_option("to", arguments->to, "what to write: its name says the kind")->required();
+  command->add_option("--encoding", arguments->encoding, "of the integers of a .ptx file [linear]")
       ->check(CLI::IsMember({"linear", "sRGB", "gamma"}));
-  command->add_option("--gamma", arguments->gamma, "With --encoding gamma")->check(CLI::PositiveNumber);
-  command->add_option("--compression", arguments->compression, "Of a .facetex file: lz4, zstd (smaller), none")
+  command->add_option("--gamma", arguments->gamma, "with --encoding gamma [2.2]")->check(positive());
+  command->add_option("--compression", arguments->compression, "of a .facetex file; zstd is smaller [lz4]")
       ->check(CLI::IsMember({"lz4", "zstd", "none"}));
   command->callback([arguments, &exit_code] { exit_code = run(*arguments); });
 }

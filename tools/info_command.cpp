@@ -2,8 +2,8 @@
 
 #include <algorithm>
 #include <memory>
-#include <nlohmann/json.hpp>
 
+#include "pipeline/json_text.h"
 #include "pipeline/render/film.h"
 #include "pipeline/render/film_file.h"
 #include "pipeline/render/plan.h"
@@ -98,11 +98,11 @@ void add_info_command(CLI::App& app, int& exit_code) {
       return;
     }
     if (arguments->json) {
-      fmt::print("{}\n", facts->dump(1));
+      fmt::print("{}\n", json_text(*facts));
       return;
     }
     for (const auto& [key, value] : facts->items())
-      fmt::print("{:<32} {}\n", key, value.is_string() ? value.get<std::string>() : value.dump());
+      fmt::print("{:<32} {}\n", key, value.is_string() ? value.get<std::string>() : json_text(value, -1));
   });
 }
 

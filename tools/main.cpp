@@ -2,14 +2,10 @@
 
 #include "tools/commands.h"
 
-namespace spillway::tools {
-
-}  // namespace spillway::tools
-
 int main(int argc, char** argv) {
   using namespace spillway::tools;
   std::signal(SIGXFSZ, SIG_IGN);  // a write beyond the limit is then an error like a full disk
-  CLI::App app("Spillway renders frames whose geometry, textures and rays do not fit in memory.");
+  CLI::App app("Spillway renders frames whose geometry, textures, volumes and rays do not fit in memory.");
   app.require_subcommand(1);
   app.set_version_flag("--version", SPILLWAY_VERSION);
   int exit_code = kExitOk;

@@ -42,6 +42,8 @@ bool is_diced_so(const Store& store, const OpenSceneOptions& options) {
 void tell_warnings(const ImportReport& report, bool quiet) {
   if (quiet) return;
   for (const std::string& warning : report.warnings) fmt::print(stderr, "spillway: warning: {}\n", warning);
+  if (const uint64_t more = report.warning_count - report.warnings.size(); more > 0)
+    fmt::print(stderr, "spillway: warning: {} more are not shown\n", more);
 }
 
 }  // namespace

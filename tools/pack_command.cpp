@@ -10,13 +10,10 @@ namespace {
 
 struct PackArguments {
   OpenSceneOptions scene;
-  std::string memory, report;
+  std::string report;
 };
 
-Status pack(PackArguments& arguments) {
-  if (!arguments.memory.empty()) {
-    SPILLWAY_ASSIGN(arguments.scene.memory_bytes, parse_bytes(arguments.memory));
-  }
+Status pack(const PackArguments& arguments) {
   SPILLWAY_ASSIGN(const pipeline::PackReport report, pack_scene(arguments.scene));
   if (!arguments.scene.quiet) fmt::print(stderr, "{}", report_table(report));
   return arguments.report.empty() ? Status{} : write_text(arguments.report, report_json(report));
@@ -29,10 +26,11 @@ void add_pack_command(CLI::App& app, int& exit_code) {
   auto arguments = std::make_shared<PackArguments>();
   command->add_option("scene", arguments->scene.scene, "a .pbrt scene")->required();
   command->add_option("-o,--output", arguments->scene.store_directory, "the store's directory [beside the scene]");
-  command->add_option("--memory", arguments->memory, "limit for packing, such as 2GiB");
+  add_parsed(*command, "--memory", arguments->scene.memory_bytes, parse_bytes,
+             "limit for packing, such as 1GiB [2GiB beside what is loaded]");
   command->add_option("--report", arguments->report, "write what each step cost as JSON");
   command->add_option("--edge-length-px", arguments->scene.edge_length_px, "longest edge of diced surfaces on the picture [4]")
-      ->check(CLI::PositiveNumber);
+      ->check(positive());
   command->add_option("--dice-cache", arguments->scene.dice_cache, "directory that keeps diced surfaces for the next packing [none]");
   command->add_flag("--lenient", arguments->scene.lenient, "warn about what can be ignored instead of refusing");
   command->add_flag("-q,--quiet", arguments->scene.quiet, "errors only");

@@ -2,8 +2,8 @@
 #include <unistd.h>
 
 #include <csignal>
-#include <fstream>
 #include <map>
+#include <optional>
 
 #include "cache/base/parallel.h"
 #include "cache/trace_log.h"
@@ -23,11 +23,10 @@ using namespace pipeline;
 std::atomic<bool> stop_requested{false};
 extern "C" void request_stop(int) { stop_requested = true; }
 
-// What the command line said, still as text.
+// What the command line said.
 struct RenderArguments {
   OpenSceneOptions scene;
-  std::string output, frames, memory, resolution, crop, report, trace, scratch, scratch_limit, spill = "auto";
-  std::string page_share, attribute_share, texture_share, hit_sort;
+  std::string output, report, trace, scratch, spill = "auto";
   uint32_t spp = 0, seed = 0, threads = 0;
   int max_depth = -1, light_selection = -1;
   uint64_t wave_paths = 0;
@@ -37,11 +36,16 @@ struct RenderArguments {
   bool no_read_ahead = false, no_resident_first = false, no_top_up = false;
   uint32_t hit_batch = 0;
   std::string access_log;
+  RenderOptions options;  // the sizes
+  std::optional<Resolution> resolution;
+  std::optional<Crop> crop;
+  std::vector<uint32_t> frames;  // none: the scene's own camera
 };
 
-Status set_bytes(const std::string& text, uint64_t& bytes) {
-  if (text.empty()) return {};
-  SPILLWAY_ASSIGN(bytes, parse_bytes(text));
+// Options that do not go together, before anything is packed or opened.
+Status check_usage(const RenderArguments& a) {
+  if (a.frames.size() > 1) SPILLWAY_TRY(frame_path(a.output, 0));
+  if (!a.frames.empty() && !a.access_log.empty()) return error("--access-log is of one frame; leave --frames out");
   return {};
 }
 
@@ -62,31 +66,29 @@ Status override_settings(const RenderArguments& arguments, SceneSettings& settin
   if (arguments.has_seed) settings.render.seed = arguments.seed;
   if (arguments.independent) settings.render.sampler = shading::SamplerKind::independent;
   if (arguments.light_selection >= 0) settings.render.light_selection = static_cast<LightSelection>(arguments.light_selection);
-  if (!arguments.resolution.empty()) {
-    SPILLWAY_ASSIGN(const Resolution r, parse_resolution(arguments.resolution));
-    set_resolution(settings, r);
-  }
-  if (!arguments.crop.empty()) {
-    SPILLWAY_ASSIGN(const Crop c, parse_crop(arguments.crop));
+  if (arguments.resolution) set_resolution(settings, *arguments.resolution);
+  if (arguments.crop) {
+    const Crop& c = *arguments.crop;
     if (c.x1 > settings.camera.resolution_x_px || c.y1 > settings.camera.resolution_y_px)
-      return error("--crop {}: the frame has {} x {} pixels", arguments.crop, settings.camera.resolution_x_px,
-                   settings.camera.resolution_y_px);
+      return error("--crop {},{},{},{}: the frame has {} x {} pixels", c.x0, c.y0, c.x1, c.y1,
+                   settings.camera.resolution_x_px, settings.camera.resolution_y_px);
     settings.film.crop_x0 = c.x0, settings.film.crop_y0 = c.y0, settings.film.crop_x1 = c.x1, settings.film.crop_y1 = c.y1;
   }
   return {};
 }
 
+// The budget of the render binds packing too.
+Result<Store> open_within(const RenderArguments& arguments) {
+  OpenSceneOptions scene = arguments.scene;
+  scene.memory_bytes = arguments.options.plan.memory_bytes;
+  return open_scene(scene);
+}
+
 Result<RenderOptions> render_options(const RenderArguments& arguments, const Store& store) {
-  RenderOptions options;
+  RenderOptions options = arguments.options;
   options.settings = store.settings();
   SPILLWAY_TRY(override_settings(arguments, options.settings));
   options.aov_layers = arguments.aovs;
-  SPILLWAY_TRY(set_bytes(arguments.memory, options.plan.memory_bytes));
-  SPILLWAY_TRY(set_bytes(arguments.page_share, options.plan.page_bytes));
-  SPILLWAY_TRY(set_bytes(arguments.attribute_share, options.plan.attribute_bytes));
-  SPILLWAY_TRY(set_bytes(arguments.texture_share, options.plan.texture_bytes));
-  SPILLWAY_TRY(set_bytes(arguments.hit_sort, options.hit_sort_bytes));
-  SPILLWAY_TRY(set_bytes(arguments.scratch_limit, options.scratch_limit_bytes));
   options.plan.wave_paths = arguments.wave_paths;
   options.plan.spill = arguments.spill == "always" ? 1 : arguments.spill == "never" ? 0 : -1;
   options.sort_rays = !arguments.no_sort_rays;
@@ -156,7 +158,7 @@ Status check_output(const std::filesystem::path& output) {
 // The frames of --frames, one after the other.
 Result<int> render_all_frames(const RenderArguments& arguments, const Store& store, RenderOptions options) {
   FrameBatch batch;
-  SPILLWAY_ASSIGN(batch.frames, parse_frames(arguments.frames));
+  batch.frames = arguments.frames;
   batch.output = arguments.output, batch.report = arguments.report;
   batch.json = arguments.json, batch.quiet = arguments.scene.quiet;
   batch.settings_of = [&](const FrameCamera& frame) -> Result<SceneSettings> {
@@ -172,9 +174,13 @@ Result<int> render_all_frames(const RenderArguments& arguments, const Store& sto
   return render_frames(store, std::move(options), batch);
 }
 
+Status write_trace(const RenderArguments& arguments) {
+  return arguments.trace.empty() ? Status{} : cache::trace_log_write(arguments.trace);
+}
+
 Result<int> render(const RenderArguments& arguments) {
   SPILLWAY_TRY(check_output(arguments.output));
-  SPILLWAY_ASSIGN(const Store store, open_scene(arguments.scene));
+  SPILLWAY_ASSIGN(const Store store, open_within(arguments));
   if (!arguments.trace.empty()) cache::trace_log_start();
   SPILLWAY_ASSIGN(RenderOptions options, render_options(arguments, store));
   std::signal(SIGINT, request_stop);
@@ -183,13 +189,15 @@ Result<int> render(const RenderArguments& arguments) {
   options.on_progress = [&](const RenderProgress& p) { progress.show(p); };
   AccessLog access_log;
   if (!arguments.access_log.empty()) options.access_log = &access_log;
-  if (options.access_log && !arguments.frames.empty())
-    return error("--access-log is of one frame; leave --frames out");
-  if (!arguments.frames.empty()) return render_all_frames(arguments, store, std::move(options));
+  if (!arguments.frames.empty()) {
+    SPILLWAY_ASSIGN(const int code, render_all_frames(arguments, store, std::move(options)));
+    SPILLWAY_TRY(write_trace(arguments));
+    return code;
+  }
   SPILLWAY_ASSIGN(const RenderedImage image, render_image(store, options));
   progress.end();
   SPILLWAY_TRY(write_picture(arguments, store, options, image, arguments.output));
-  if (!arguments.trace.empty()) SPILLWAY_TRY(cache::trace_log_write(arguments.trace));
+  SPILLWAY_TRY(write_trace(arguments));
   if (options.access_log) SPILLWAY_TRY(access_log.write(arguments.access_log));
   const std::string json = report_json(image.report, store.directory().string());
   if (!arguments.report.empty()) SPILLWAY_TRY(write_text(arguments.report, json));
@@ -212,17 +220,19 @@ Result<int> render(const RenderArguments& arguments) {
 }
 
 int run(const RenderArguments& arguments) {
+  if (const Status usage = check_usage(arguments); !usage) return fail(usage.error().message, kExitUsage);
   const int threads = arguments.threads ? static_cast<int>(arguments.threads) : tbb::this_task_arena::max_concurrency();
   const Result<int> code = on_threads(threads, [&] { return render(arguments); });
   return code ? *code : fail(code.error().message);
 }
 
-void add_scene_options(CLI::App& command, OpenSceneOptions& scene, std::string& memory) {
+void add_scene_options(CLI::App& command, RenderArguments& a) {
+  OpenSceneOptions& scene = a.scene;
   command.add_option("scene", scene.scene, "a .pbrt scene (packed when needed) or a .store")->required();
   command.add_option("--store", scene.store_directory, "where to pack a .pbrt scene [beside it, or here]");
-  command.add_option("--memory", memory, "limit of the whole process, such as 2GiB [none]");
+  add_parsed(command, "--memory", a.options.plan.memory_bytes, parse_bytes, "limit of the whole process, such as 2GiB [none]");
   command.add_option("--edge-length-px", scene.edge_length_px, "longest edge of diced surfaces on the picture, when packing [4]")
-      ->check(CLI::PositiveNumber);
+      ->check(positive());
   command.add_option("--dice-cache", scene.dice_cache, "directory that keeps diced surfaces for the next packing [none]");
   command.add_flag("--lenient", scene.lenient, "warn about what can be ignored instead of refusing");
   command.add_flag("--repack", scene.repack, "pack even when the store is current");
@@ -232,8 +242,8 @@ void add_scene_options(CLI::App& command, OpenSceneOptions& scene, std::string& 
 void add_meaning(CLI::App& command, RenderArguments& a) {
   command.add_option("--spp", a.spp, "samples a pixel [the scene's]")->check(CLI::Range(1u, 1u << 20));
   command.add_option("--max-depth", a.max_depth, "bounces [the scene's]")->check(CLI::Range(0, 10000));
-  command.add_option("--resolution", a.resolution, "WIDTHxHEIGHT [the scene's]");
-  command.add_option("--crop", a.crop, "x0,y0,x1,y1 in pixels; the same bits as in the full frame");
+  add_parsed(command, "--resolution", a.resolution, parse_resolution, "WIDTHxHEIGHT [the scene's]");
+  add_parsed(command, "--crop", a.crop, parse_crop, "x0,y0,x1,y1 in pixels; the same bits as in the full frame");
   command.add_flag("--independent", a.independent, "independent samples, to measure the usual ones by: noisier");
   command.add_option_function<uint32_t>("--seed", [&a](uint32_t seed) { a.seed = seed, a.has_seed = true; },
                                         "another set of random numbers [the scene's]");
@@ -241,21 +251,25 @@ void add_meaning(CLI::App& command, RenderArguments& a) {
       {"tree", static_cast<int>(LightSelection::tree)},
       {"power", static_cast<int>(LightSelection::power)},
       {"uniform", static_cast<int>(LightSelection::uniform)}};
-  command.add_option("--light-selection", a.light_selection, "how lights are chosen: noise differs [the scene's, or tree]")
-      ->transform(CLI::CheckedTransformer(kSelections));
+  add_choice(command, "--light-selection", a.light_selection, kSelections,
+             "how lights are chosen: noise differs [the scene's, or tree]");
   command.add_flag("--aov", a.aovs, "depth, normal, albedo and id layers");
 }
 
 void add_performance(CLI::App& command, RenderArguments& a) {
   command.add_option("--threads", a.threads, "[all cores]")->check(CLI::Range(1u, 1024u));
   command.add_option("--scratch", a.scratch, "directory for spilled rays [the system's temporary directory]");
-  command.add_option("--scratch-limit", a.scratch_limit, "most bytes to spill at a time [what the disk has]");
+  add_parsed(command, "--scratch-limit", a.options.scratch_limit_bytes, parse_bytes,
+             "most bytes to spill at a time [what the disk has]");
   command.add_option("--wave-paths", a.wave_paths, "paths a wave [planned]")->check(CLI::Range(1u, 1u << 28));
-  command.add_option("--page-share", a.page_share, "memory for geometry pages [planned]");
-  command.add_option("--attribute-share", a.attribute_share, "memory for attribute blocks [planned]");
-  command.add_option("--texture-share", a.texture_share, "memory for texture tiles [planned]");
-  command.add_option("--hit-sort-share", a.hit_sort, "memory for sorting hits [planned]");
-  command.add_option("--spill", a.spill, "auto, always or never")->check(CLI::IsMember({"auto", "always", "never"}));
+  const auto share = [&](const char* name, uint64_t& into, const char* what) {
+    add_parsed(command, name, into, parse_bytes, std::string("memory for ") + what + " [planned]");
+  };
+  share("--page-share", a.options.plan.page_bytes, "geometry pages");
+  share("--attribute-share", a.options.plan.attribute_bytes, "attribute blocks");
+  share("--texture-share", a.options.plan.texture_bytes, "texture tiles");
+  share("--hit-sort-share", a.options.hit_sort_bytes, "sorting hits");
+  command.add_option("--spill", a.spill, "auto, always or never [auto]")->check(CLI::IsMember({"auto", "always", "never"}));
   command.add_flag("--direct-io", a.direct, "read pages and attributes past the page cache");
   command.add_flag("--no-sort-rays", a.no_sort_rays, "trace rays in the order they were made");
   command.add_option("--hit-batch", a.hit_batch, "sort the hits of so many rays together [of the wave]");
@@ -270,13 +284,15 @@ void add_render_command(CLI::App& app, int& exit_code) {
   CLI::App* command = app.add_subcommand("render", "render a frame into an EXR");
   auto arguments = std::make_shared<RenderArguments>();
   RenderArguments& a = *arguments;
-  add_scene_options(*command, a.scene, a.memory);
+  add_scene_options(*command, a);
   command->add_option("-o,--output", a.output, "the EXR (or PNG, for a look); #### stands for the frame")->required();
   add_meaning(*command, a);
-  command->add_option("--frames", a.frames, "frames of the scene's camera path, such as 1-48, 1-48x2 or 3,7; finished ones are skipped");
+  add_parsed(*command, "--frames", a.frames, parse_frames,
+             "frames of the scene's camera path, such as 1-48, 1-48x2 or 3,7; finished ones are skipped");
   command->add_flag("--half-buffers", a.halves, "write the two independent halves of the samples too");
   add_performance(*command, a);
-  command->add_option("--time-limit", a.time_limit, "seconds; stops at the next whole epoch, equal to --spp k");
+  command->add_option("--time-limit", a.time_limit, "seconds; stops at the next whole epoch, equal to --spp k")
+      ->check(positive());
   command->add_option("--report", a.report, "write what the render did as JSON");
   command->add_option("--access-log", a.access_log, "write which pages each wave needed and read, for `whatif`");
   command->add_option("--trace", a.trace, "write stages, waves and reads in Chrome's trace format");
@@ -287,7 +303,7 @@ void add_render_command(CLI::App& app, int& exit_code) {
 namespace {
 
 Status print_plan(const RenderArguments& arguments) {
-  SPILLWAY_ASSIGN(const Store store, open_scene(arguments.scene));
+  SPILLWAY_ASSIGN(const Store store, open_within(arguments));
   SPILLWAY_ASSIGN(const RenderOptions options, render_options(arguments, store));
   PlanOptions plan_options = options.plan;
   plan_options.floor_bytes = memory_floor_bytes();
@@ -301,7 +317,7 @@ Status print_plan(const RenderArguments& arguments) {
 void add_plan_command(CLI::App& app, int& exit_code) {
   CLI::App* command = app.add_subcommand("plan", "show how a render would use its memory, without rendering");
   auto arguments = std::make_shared<RenderArguments>();
-  add_scene_options(*command, arguments->scene, arguments->memory);
+  add_scene_options(*command, *arguments);
   add_meaning(*command, *arguments);
   add_performance(*command, *arguments);
   command->callback([arguments, &exit_code] {

@@ -5,8 +5,8 @@
 #include <algorithm>
 #include <charconv>
 #include <chrono>
-#include <nlohmann/json.hpp>
 
+#include "pipeline/json_text.h"
 #include "pipeline/render/render_report.h"
 #include "tools/commands.h"
 #include "tools/sizes.h"
@@ -81,7 +81,7 @@ class Batch {
       : store_(store), options_(std::move(options)), batch_(batch) {}
 
   Status check();
-  Status run();
+  void run();
   [[nodiscard]] int exit_code() const;
   [[nodiscard]] std::string table() const;
   [[nodiscard]] nlohmann::json summary() const;
@@ -119,9 +119,7 @@ Status Batch::check() {
     if (camera_of(frame) == nullptr)
       return error("{}: has no frame {}; its camera path has {} to {}", store_.directory().string(), frame,
                    path.front().frame, path.back().frame);
-  if (batch_.frames.size() > 1) {
-    SPILLWAY_TRY(frame_path(batch_.output, 0));
-  }
+  if (batch_.frames.size() > 1) SPILLWAY_TRY(frame_path(batch_.output, 0));
   // The budget is refused now, not frame by frame.
   PlanOptions plan = options_.plan;
   plan.floor_bytes = memory_floor_bytes();
@@ -130,7 +128,7 @@ Status Batch::check() {
   return {};
 }
 
-Status Batch::run() {
+void Batch::run() {
   const Clock::time_point start = Clock::now();
   for (const uint32_t frame : batch_.frames) {
     if (stopped()) break;
@@ -142,7 +140,6 @@ Status Batch::run() {
     outcomes_.push_back(std::move(*outcome));
   }
   seconds_ = std::chrono::duration<double>(Clock::now() - start).count();
-  return {};
 }
 
 Result<FrameOutcome> Batch::render_or_skip(uint32_t frame) {
@@ -264,8 +261,8 @@ Result<std::filesystem::path> frame_path(const std::string& pattern, uint32_t fr
 Result<int> render_frames(const Store& store, RenderOptions options, const FrameBatch& batch) {
   Batch frames(store, std::move(options), batch);
   SPILLWAY_TRY(frames.check());
-  SPILLWAY_TRY(frames.run());
-  const std::string json = frames.summary().dump(1);
+  frames.run();
+  const std::string json = json_text(frames.summary());
   if (!batch.report.empty() && batch.report.find('#') == std::string::npos)
     SPILLWAY_TRY(write_text(batch.report, json));
   if (batch.json) fmt::print("{}\n", json);

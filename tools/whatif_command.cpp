@@ -1,6 +1,7 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 
+#include "pipeline/json_text.h"
 #include "pipeline/render/render_report.h"
 #include "pipeline/render/replay_access.h"
 #include "tools/commands.h"
@@ -13,7 +14,8 @@ using namespace pipeline;
 
 struct WhatifArguments {
   std::filesystem::path log;
-  std::string memory, read_rate;
+  std::vector<uint64_t> budgets;
+  uint64_t read_rate_bytes = 0;  // a second
   bool json = false;
 };
 
@@ -51,17 +53,13 @@ std::string replay_line(uint64_t budget, const Replay& r) {
 
 // A budget that is too small is a line that says so: the others are worth knowing.
 Status whatif(const WhatifArguments& arguments) {
-  SPILLWAY_ASSIGN(const std::vector<uint64_t> budgets, parse_budgets(arguments.memory));
   SPILLWAY_ASSIGN(const AccessLog log, AccessLog::read(arguments.log));
   ReplayRates rates;
-  if (!arguments.read_rate.empty()) {
-    SPILLWAY_ASSIGN(const uint64_t rate, parse_bytes(arguments.read_rate));
-    rates.disk_bytes_per_second = static_cast<double>(rate);
-  }
+  if (arguments.read_rate_bytes != 0) rates.disk_bytes_per_second = static_cast<double>(arguments.read_rate_bytes);
   nlohmann::json all = nlohmann::json::array();
   std::string table = fmt::format("{:>12} {:>10} {:>10} {:>7} {:>12} {:>12} {:>12}\n", "memory", "time", "wave",
                                   "waves", "pages", "attributes", "spilled");
-  for (const uint64_t budget : budgets) {
+  for (const uint64_t budget : arguments.budgets) {
     PlanOptions options;
     options.memory_bytes = budget, options.floor_bytes = memory_floor_bytes();
     const Result<Replay> replay = replay_access(log, options, rates);
@@ -70,7 +68,7 @@ Status whatif(const WhatifArguments& arguments) {
     table +=
         replay ? replay_line(budget, *replay) : fmt::format("{:>12} {}\n", bytes_text(budget), replay.error().message);
   }
-  fmt::print("{}", arguments.json ? all.dump(1) + "\n" : table);
+  fmt::print("{}", arguments.json ? json_text(all) + "\n" : table);
   return {};
 }
 
@@ -81,8 +79,9 @@ void add_whatif_command(CLI::App& app, int& exit_code) {
       app.add_subcommand("whatif", "what other budgets would have made of a render, from its access log");
   auto arguments = std::make_shared<WhatifArguments>();
   command->add_option("log", arguments->log, "written by render --access-log")->required();
-  command->add_option("--memory", arguments->memory, "budgets, such as 1GiB,2GiB,8GiB")->required();
-  command->add_option("--read-rate", arguments->read_rate, "bytes a second that the disk reads, such as 2GiB [1e9]");
+  add_parsed(*command, "--memory", arguments->budgets, parse_budgets, "budgets, such as 1GiB,2GiB,8GiB")->required();
+  add_parsed(*command, "--read-rate", arguments->read_rate_bytes, parse_bytes,
+             "bytes a second that the disk reads, such as 2GiB [1e9]");
   command->add_flag("--json", arguments->json, "for machines");
   command->callback([arguments, &exit_code] {
     const Status status = whatif(*arguments);

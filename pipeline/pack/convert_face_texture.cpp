@@ -5,8 +5,8 @@
 
 #include <bit>
 #include <cstring>
-#include <nlohmann/json.hpp>
 
+#include "pipeline/json_text.h"
 #include "pipeline/pack/pack_face_textures.h"
 #include "pipeline/pack/ptx_writer.h"
 
@@ -112,7 +112,7 @@ std::string description(const FaceTexFile& file) {
                      {"shape", static_cast<int>(t.shape)},         {"u_border", static_cast<int>(t.u_border)},
                      {"v_border", static_cast<int>(t.v_border)},   {"name", std::string(t.name)},
                      {"faces", hex(std::as_bytes(file.faces(t)))}, {"numbers", hex(std::as_bytes(file.numbers(t)))}};
-  return text.dump();
+  return json_text(text, -1);
 }
 
 Result<std::vector<float>> decoded_image(const FaceTexFile& file, const cache::FaceTexDecoder& decoder,

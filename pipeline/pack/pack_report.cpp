@@ -3,10 +3,10 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <nlohmann/json.hpp>
 
 #include "cache/base/memory.h"
 #include "cache/file.h"
+#include "pipeline/json_text.h"
 #include "pipeline/render/plan.h"
 
 namespace spillway::pipeline {
@@ -52,24 +52,23 @@ std::string report_json(const PackReport& r) {
                      {"thread_seconds", s.thread_seconds},
                      {"read_bytes", s.read_bytes},
                      {"written_bytes", s.written_bytes}});
-  return nlohmann::json{{"steps", steps},
-                        {"seconds", r.seconds},
-                        {"triangles", r.triangle_count},
-                        {"triangles_per_second", millions_per_second(r.triangle_count, r.seconds) * 1e6},
-                        {"meshes", r.mesh_count},
-                        {"instances", r.instance_count},
-                        {"pages", r.page_count},
-                        {"attribute_blocks", r.attribute_block_count},
-                        {"sets", r.set_count},
-                        {"passes", r.pass_count},
-                        {"largest_set_triangles", r.largest_set_triangles},
-                        {"diced_cages", r.dice.cage_count},
-                        {"diced_triangles", r.dice.triangle_count},
-                        {"diced_cages_found", r.dice.cached_cage_count},
-                        {"diced_triangles_found", r.dice.cached_triangle_count},
-                        {"pack_tag_peak_bytes", memory_use(MemoryTag::pack).peak_bytes},
-                        {"resident_peak_bytes", resident_memory().peak_bytes}}
-      .dump(1);
+  return json_text(nlohmann::json{{"steps", steps},
+                                  {"seconds", r.seconds},
+                                  {"triangles", r.triangle_count},
+                                  {"triangles_per_second", millions_per_second(r.triangle_count, r.seconds) * 1e6},
+                                  {"meshes", r.mesh_count},
+                                  {"instances", r.instance_count},
+                                  {"pages", r.page_count},
+                                  {"attribute_blocks", r.attribute_block_count},
+                                  {"sets", r.set_count},
+                                  {"passes", r.pass_count},
+                                  {"largest_set_triangles", r.largest_set_triangles},
+                                  {"diced_cages", r.dice.cage_count},
+                                  {"diced_triangles", r.dice.triangle_count},
+                                  {"diced_cages_found", r.dice.cached_cage_count},
+                                  {"diced_triangles_found", r.dice.cached_triangle_count},
+                                  {"pack_tag_peak_bytes", memory_use(MemoryTag::pack).peak_bytes},
+                                  {"resident_peak_bytes", resident_memory().peak_bytes}});
 }
 
 std::string report_table(const PackReport& r) {

@@ -1,6 +1,7 @@
 #include "pipeline/render/render_report.h"
 
-#include <nlohmann/json.hpp>
+#include "pipeline/json_text.h"
+
 
 namespace spillway::pipeline {
 namespace {
@@ -177,7 +178,7 @@ std::string report_json(const RenderReport& r, const std::string& scene) {
     one["name"] = t.name, one["kind"] = t.is_face_texture ? "face" : "image";
     report["textures"]["by_texture"].push_back(one);
   }
-  return report.dump(1);
+  return json_text(report);
 }
 
 std::string report_table(const RenderReport& r) {

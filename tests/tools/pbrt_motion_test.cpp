@@ -76,6 +76,37 @@ TEST(PbrtMotion, a_shape_that_moves_in_an_object_moves_with_its_instances) {
   expect_at(sink.moving[2].end, {1, 4, 0});
 }
 
+// Parts times instances grow faster than the text that says them.
+TEST(PbrtMotion, instances_of_parts_that_move_are_bounded) {
+  std::string scene = "WorldBegin\nObjectBegin \"a\"\n";
+  for (int i = 0; i < 10; ++i) scene += kStep + kTri;
+  scene += "ObjectEnd\n";
+  for (int i = 0; i < 10; ++i) scene += "ObjectInstance \"a\"\n";
+  const auto import = [&](uint64_t most) {
+    Imported imported;
+    const Status status = import_pbrt(write_file("scene.pbrt", scene), imported.sink, {.most_moving_instances = most},
+                                      imported.report);
+    imported.error = status ? "" : status.error().message;
+    return imported;
+  };
+  EXPECT_EQ(import(100).error, "");
+  EXPECT_EQ(import(100).sink.moving.size(), 100u);
+  const Imported refused = import(99);
+  EXPECT_NE(refused.error.find("scene.pbrt:23:1: object \"a\" holds 10 parts that move"), std::string::npos)
+      << refused.error;
+  EXPECT_EQ(refused.sink.moving.size(), 90u);
+}
+
+TEST(PbrtMotion, what_moves_alike_in_an_object_is_one_part) {
+  const Imported imported = import_world("ObjectBegin \"a\"\n" + std::string(kStep) + kTri + kTri +
+                                         "Translate 1 0 0\n" + kTri + "ObjectEnd\nObjectInstance \"a\"\n");
+  ASSERT_EQ(imported.error, "");
+  EXPECT_EQ(imported.sink.meshes.size(), 3u);
+  EXPECT_EQ(imported.sink.meshes[0].input.object, imported.sink.meshes[1].input.object);
+  EXPECT_NE(imported.sink.meshes[0].input.object, imported.sink.meshes[2].input.object);
+  EXPECT_EQ(imported.sink.moving.size(), 2u);
+}
+
 TEST(PbrtMotion, coordinate_systems_keep_both_places) {
   const Imported imported =
       import_world("AttributeBegin " + std::string(kStep) + "CoordinateSystem \"here\" AttributeEnd\n" +

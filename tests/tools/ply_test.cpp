@@ -1,5 +1,6 @@
 // PLY files of the three formats, whole, cut short, flipped and hostile.
 
+#include "tools/import/gunzip.h"
 #include "tools/import/ply.h"
 
 #include <gtest/gtest.h>
@@ -152,6 +153,18 @@ TEST_P(PlyFormats, gzipped_files_are_read_and_damaged_ones_refused) {
     EXPECT_TRUE(other || other.error().message.find("mesh.ply.gz") != std::string::npos);
   }
   EXPECT_FALSE(read(sample(GetParam())));
+}
+
+// A megabyte of zeros is a kilobyte packed: neither memory nor disk are taken for what such a file claims.
+TEST(ply, packed_files_that_unpack_out_of_proportion_are_refused) {
+  const auto bomb = write_file("bomb.ply.gz", gzipped(std::string(1 << 20, '\0')));
+  const auto open = [&](uint64_t always_bytes, uint64_t ratio) { return GzipFile::open(bomb, {always_bytes, ratio}); };
+  EXPECT_NE(open(1 << 19, 100).error().message.find("bomb.ply.gz: unpacks to more than 524288 bytes"),
+            std::string::npos);
+  const auto by_size = open(1 << 20, 100);
+  ASSERT_TRUE(by_size);
+  EXPECT_EQ(by_size->size_bytes(), 1u << 20);
+  EXPECT_TRUE(open(0, 1032));
 }
 
 std::string ascii_file(const std::string& vertex_properties, const std::string& vertices,

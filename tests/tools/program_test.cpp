@@ -167,6 +167,69 @@ TEST_F(ProgramTest, a_command_line_that_makes_no_sense_ends_with_two) {
   EXPECT_EQ(spillway("--help").code, 0);
 }
 
+TEST_F(ProgramTest, help_is_text_without_bytes_of_another_kind) {
+  for (const char* command : {"", "render", "plan", "whatif", "pack", "city", "info", "compare", "convert"}) {
+    const Ended help = spillway(std::string(command) + " --help");
+    EXPECT_EQ(help.code, 0) << command;
+    EXPECT_NE(help.said.find("Options:"), std::string::npos) << help.said;
+    for (const char c : help.said) EXPECT_TRUE(c == '\n' || (c >= 0x20 && c < 0x7f)) << command << ": " << int{c};
+  }
+}
+
+TEST_F(ProgramTest, options_are_refused_before_anything_is_packed) {
+  write("scene.pbrt", std::string(kScene));
+  const auto refused = [&](const std::string& options, const char* said) {
+    const Ended ended = spillway("render scene.pbrt -o out.exr -q " + options);
+    EXPECT_EQ(ended.code, 2) << options << ended.said;
+    EXPECT_NE(ended.said.find(said), std::string::npos) << options << ended.said;
+    EXPECT_FALSE(exists("scene.store")) << options;
+  };
+  refused("--resolution 12y7", "resolution");
+  refused("--crop 4,4,2,2", "crop");
+  refused("--memory rubbish", "size");
+  refused("--page-share 1KB", "size");
+  refused("--scratch-limit -1", "size");
+  refused("--frames 3-1", "--frames 3-1");
+  refused("--frames 1-3", "run of #");
+  refused("--frames 1 --access-log a", "--access-log");
+  for (const char* limit : {"-5", "nan", "0", "inf"}) refused(std::string("--time-limit ") + limit, "--time-limit");
+  EXPECT_EQ(spillway("pack scene.pbrt --edge-length-px nan").code, 2);
+  EXPECT_EQ(spillway("plan scene.pbrt --memory rubbish").code, 2);
+  EXPECT_EQ(spillway("whatif a.log --memory 1GiB,much").code, 2);
+  EXPECT_EQ(spillway("compare scene.pbrt scene.pbrt --exclude 1,2").code, 2);
+  EXPECT_EQ(spillway("compare scene.pbrt scene.pbrt").code, 3);  // no pictures
+  EXPECT_FALSE(exists("scene.store"));
+}
+
+// The names of files are bytes, and JSON is UTF-8.
+TEST_F(ProgramTest, names_that_are_not_utf8_do_not_break_json) {
+  const std::string odd = "\xff\xfe\xc3";
+  fs::copy(a_texture(), folder_ / (odd + ".png"));
+  write(odd + ".pbrt",
+        std::string(kScene) + "Texture \"t\" \"spectrum\" \"imagemap\" \"string filename\" \"" + odd + ".png\"\n"
+        "Material \"diffuse\" \"texture reflectance\" \"t\"\nShape \"trianglemesh\" \"point3 P\" [-1 -1 0 1 -1 0 0 1 0]");
+  const Ended rendered =
+      spillway("render " + odd + ".pbrt -o out.exr --spp 1 -q --report r.json --access-log a.log");
+  ASSERT_EQ(rendered.code, 0) << rendered.said;
+  std::ifstream report(folder_ / "r.json");
+  EXPECT_NE(nlohmann::json::parse(report).dump().find("\uFFFD"), std::string::npos);
+  for (const char* command : {"info out.exr --json", "whatif a.log --memory 1GiB --json"}) {
+    const Ended ended = spillway(command);
+    EXPECT_EQ(ended.code, 0) << ended.said;
+    EXPECT_TRUE(nlohmann::json::accept(ended.said)) << ended.said;
+  }
+  EXPECT_EQ(spillway("info out.exr").code, 0);
+}
+
+TEST_F(ProgramTest, a_budget_binds_packing_before_it_binds_rendering) {
+  for (const char* command : {"render ", "plan "}) {
+    const Ended refused = spillway(command + courtyard_ + " --store c.store --memory 100MiB" +
+                                   (command[0] == 'r' ? " -o out.exr" : ""));
+    expect_refused(refused, {"--memory 100", "packing needs"});
+    EXPECT_FALSE(exists("c.store/manifest.spw"));
+  }
+}
+
 TEST_F(ProgramTest, scenes_that_are_wrong_are_refused_at_their_place) {
   expect_refused(spillway("render missing.pbrt -o out.exr"), {"missing.pbrt"});
   expect_refused(render("Shape \"trianglemesh\" \"point3 P\" [0 0 0"), {"scene.pbrt:8:"});

@@ -94,6 +94,11 @@ TEST_F(RenderFramesTest, finished_frames_are_known_by_what_they_were_made_from) 
   EXPECT_EQ(ends("--frames 2-3 -o f.###.exr -q"), "rendered rendered");
 }
 
+TEST_F(RenderFramesTest, a_timeline_is_of_all_frames) {
+  EXPECT_EQ(ends("--frames 1-2 -o f.###.exr -q --trace t.json"), "rendered rendered");
+  EXPECT_GT(read("t.json")["traceEvents"].size(), 20u);
+}
+
 TEST_F(RenderFramesTest, one_failure_does_not_end_the_batch) {
   fs::create_directory(folder_ / "f.002.exr");
   EXPECT_EQ(ends("--frames 1-4 -o f.###.exr", 3), "rendered failed rendered rendered");
@@ -114,16 +119,16 @@ TEST_F(RenderFramesTest, an_interrupt_ends_the_batch_and_the_same_command_goes_o
 }
 
 TEST_F(RenderFramesTest, batches_that_make_no_sense_are_refused_before_the_first_frame) {
-  const auto refused = [&](const std::string& arguments, const char* said) {
-    EXPECT_EQ(spillway("render shot.store " + arguments), 3) << arguments;
+  const auto refused = [&](const std::string& arguments, const char* said, int code = 2) {
+    EXPECT_EQ(spillway("render shot.store " + arguments), code) << arguments;
     EXPECT_NE(said_.find(said), std::string::npos) << said_;
     EXPECT_FALSE(fs::exists(folder_ / "f.001.exr"));
   };
-  refused("--frames 1-5 -o f.###.exr", "no frame 5");
+  refused("--frames 1-5 -o f.###.exr", "no frame 5", 3);
   refused("--frames 3-1 -o f.###.exr", "--frames 3-1");
   refused("--frames 1-2 -o f.exr", "run of #");
   refused("--frames 1-2 -o f.#.#.exr", "run of #");
-  refused("--frames 1-4 -o f.###.exr --memory 64MiB", "at least");
+  refused("--frames 1-4 -o f.###.exr --memory 64MiB", "at least", 3);
   const auto still = test::pack_small_scene(folder_, "still", {});
   ASSERT_TRUE(still);
   EXPECT_EQ(spillway("render still.store --frames 1-2 -o f.###.exr"), 3);

@@ -75,5 +75,17 @@ TEST(SourceTree, libraries_have_one_owner) {
   }
 }
 
+// A name that is not UTF-8 ends the program anywhere else.
+TEST(SourceTree, json_becomes_text_in_one_place) {
+  for (const char* layer : {"cache", "shading", "pipeline", "tools"})
+    for (const auto& entry : fs::recursive_directory_iterator(fs::path(SPILLWAY_SOURCE_DIR) / layer)) {
+      if (!entry.is_regular_file()) continue;
+      std::ifstream stream(entry.path());
+      for (std::string line; std::getline(stream, line);)
+        EXPECT_TRUE(line.find(".dump(") == std::string::npos || entry.path().filename() == "json_text.h")
+            << entry.path() << ": " << line;
+    }
+}
+
 }  // namespace
 }  // namespace spillway

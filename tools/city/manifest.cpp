@@ -2,7 +2,7 @@
 
 #include <fmt/format.h>
 
-#include <nlohmann/json.hpp>
+#include "pipeline/json_text.h"
 
 namespace spillway::tools::city {
 
@@ -44,7 +44,7 @@ std::string manifest_json(const City& city, const CityOptions& options) {
       {"texels", city.painted().texels},
       {"predicted_texture_bytes", city.predicted_texture_bytes()},
   };
-  return json.dump(1) + "\n";
+  return pipeline::json_text(json) + "\n";
 }
 
 std::string describe(const City& city) {

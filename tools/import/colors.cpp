@@ -93,14 +93,22 @@ Result<std::vector<float>> spectrum_pairs(Session& session, const Parameter& spe
   return read.numbers;
 }
 
-Result<Rgb> light_color(Session& session, const ParamList& params, std::string_view name) {
+Result<std::optional<Rgb>> given_light_color(Session& session, const ParamList& params, std::string_view name) {
+  std::optional<Rgb> color;
   if (const Parameter* rgb = params.find(ParamType::rgb, name)) {
-    SPILLWAY_ASSIGN(const Rgb color, three_numbers(*rgb));
-    return brought_inside(session, *rgb, light_rec709(rgb->color_space, color), INFINITY);
+    SPILLWAY_ASSIGN(const Rgb given, three_numbers(*rgb));
+    color = brought_inside(session, *rgb, light_rec709(rgb->color_space, given), INFINITY);
+  } else if (const Parameter* body = params.find(ParamType::blackbody, name)) {
+    SPILLWAY_ASSIGN(color, blackbody_color(*body));
+  } else if (const Parameter* spectrum = params.find(ParamType::spectrum, name)) {
+    SPILLWAY_ASSIGN(color, spectrum_color(session, *spectrum));
   }
-  if (const Parameter* body = params.find(ParamType::blackbody, name)) return blackbody_color(*body);
-  if (const Parameter* spectrum = params.find(ParamType::spectrum, name)) return spectrum_color(session, *spectrum);
-  return Rgb{1, 1, 1};
+  return color;
+}
+
+Result<Rgb> light_color(Session& session, const ParamList& params, std::string_view name) {
+  SPILLWAY_ASSIGN(const std::optional<Rgb> given, given_light_color(session, params, name));
+  return given.value_or(Rgb{1, 1, 1});
 }
 
 Result<std::optional<Rgb>> surface_color(Session& session, const ParamList& params, std::string_view name,

@@ -13,7 +13,8 @@ namespace spillway::tools {
 // What range of RGB a parameter may have.
 enum class RgbRange : uint8_t { albedo, unbounded };  // 0..1, 0..infinity
 
-// A light's colour: pbrt scales what is not RGB to luminance 1; the default is the white of Rec. 709.
+// A light's colour: pbrt scales what is not RGB to luminance 1. None when absent; the default is the white of Rec. 709.
+Result<std::optional<Rgb>> given_light_color(Session& session, const ParamList& params, std::string_view name);
 Result<Rgb> light_color(Session& session, const ParamList& params, std::string_view name);
 
 // A surface's, given as rgb or as a spectrum; none when absent.

@@ -10,19 +10,13 @@
 #include <utility>
 #include <vector>
 
-#include "tools/import/attributes.h"
-#include "tools/import/color_space.h"
-#include "tools/import/lights.h"
-#include "tools/import/materials.h"
-#include "tools/import/media.h"
+#include "tools/import/graphics_state.h"
 #include "tools/import/params.h"
 #include "tools/import/session.h"
 #include "tools/import/settings.h"
-#include "tools/import/shapes.h"
-#include "tools/import/textures.h"
 #include "tools/import/tokens.h"
-#include "tools/import/transform.h"
 #include "tools/import/transform_directives.h"
+#include "tools/import/world.h"
 
 namespace spillway::tools {
 namespace {
@@ -32,28 +26,8 @@ constexpr size_t kMaxIncludeDepth = 32, kMaxAttributeDepth = 1024;
 // Files opened in all: a file that includes the next one twice, and so on, doubles at each step.
 constexpr size_t kMaxIncludes = 100000;
 
-struct GraphicsState {
-  Transform transform;      // the current one, at the first of TransformTimes: world from shape (before WorldBegin: camera from world)
-  Transform transform_end;  // at the second
-  bool changes_start = true, changes_end = true;  // ActiveTransform
-  bool reverse_orientation = false;
-  std::shared_ptr<MaterialDefinition> material;  // none: look up the name
-  Token material_name;
-  std::optional<AreaEmission> emission;
-  Attributes attributes;
-  MediumNames media;
-  ColorSpace color_space = ColorSpace::srgb;
-  [[nodiscard]] bool moves() const { return !(transform == transform_end); }
-};
-
 // What CoordinateSystem names.
 struct NamedSystem {
-  Transform start, end;
-};
-
-// A shape of an object that moves in it: an object of its own for the sink.
-struct MovingShape {
-  uint32_t object;
   Transform start, end;
 };
 
@@ -62,20 +36,12 @@ struct OpenScope {
   GraphicsState outer;
 };
 
-struct Object {
-  uint32_t index = 0;
-  Place place;
-  uint64_t mesh_count = 0;
-  bool emits = false;
-  std::vector<MovingShape> moving;
-};
-
 enum class Where : uint8_t { options, world, anywhere };
 
 class Importer {
  public:
-  explicit Importer(Session& session) : session_(session), textures_(session), materials_(session, textures_), media_(session) {
-    state_.material = materials_.standard();
+  explicit Importer(Session& session) : session_(session), world_(session) {
+    state_.material = world_.standard_material();
   }
 
   Status run(const std::filesystem::path& scene) {
@@ -209,12 +175,6 @@ class Importer {
     return state_.attributes.add(target, std::move(added));
   }
 
-  Result<ParamList> params_with_attributes(Tokenizer& tokens, Target target) {
-    SPILLWAY_ASSIGN(ParamList params, read_params(tokens, state_.color_space));
-    state_.attributes.extend(target, params);
-    return params;
-  }
-
   // ---- transforms ----
 
   Status transform(Tokenizer& tokens, const Token& directive) {
@@ -282,7 +242,7 @@ class Importer {
   Status camera(Tokenizer& tokens, const Token& directive) {
     options_.camera_from_world = state_.transform, options_.camera_from_world_end = state_.transform_end;
     systems_["camera"] = {state_.transform.inverse(), state_.transform_end.inverse()};
-    SPILLWAY_ASSIGN(options_.camera_medium, media_.find(state_.media.outside));
+    SPILLWAY_ASSIGN(options_.camera_medium, world_.find_medium(state_.media.outside));
     return wait(tokens, directive, options_.camera);
   }
   Status film(Tokenizer& tokens, const Token& directive) { return wait(tokens, directive, options_.film); }
@@ -332,191 +292,44 @@ class Importer {
     return {};
   }
 
-  // ---- media ----
-
-  Status named_medium(Tokenizer& tokens, const Token& directive) {
-    SPILLWAY_ASSIGN(const Token name, read_string_token(tokens, directive.text));
-    SPILLWAY_ASSIGN(ParamList params, params_with_attributes(tokens, Target::medium));
-    if (state_.moves()) session_.warn(directive.place, "media do not move: this one stays where it is at the first of TransformTimes");
-    return media_.define(name, std::move(params), state_.transform);
-  }
-
   Status medium_interface(Tokenizer& tokens, const Token& directive) {
     SPILLWAY_ASSIGN(state_.media, read_medium_interface(tokens, directive));
     return {};
   }
 
-  // ---- materials, textures, lights ----
+  // ---- what the scene holds: see World ----
 
-  Status texture(Tokenizer& tokens, const Token& directive) {
-    SPILLWAY_ASSIGN(const Token name, read_string_token(tokens, directive.text));
-    SPILLWAY_ASSIGN(const Token value, read_string_token(tokens, directive.text));
-    SPILLWAY_ASSIGN(const Token type, read_string_token(tokens, directive.text));
-    SPILLWAY_ASSIGN(ParamList params, params_with_attributes(tokens, Target::texture));
-    if (value.text != "float" && value.text != "spectrum") {
-      return error_at(value.place, "a texture holds \"float\" or \"spectrum\", not {}", to_string(value));
-    }
-    const TextureValue kind = value.text == "float" ? TextureValue::real : TextureValue::spectrum;
-    return textures_.define(kind, name, type.text, std::move(params), type.place, state_.transform);
+  Status named_medium(Tokenizer& tokens, const Token& at) { return world_.named_medium(tokens, at, state_); }
+  Status texture(Tokenizer& tokens, const Token& at) { return world_.texture(tokens, at, state_); }
+  Status material(Tokenizer& tokens, const Token& at) { return world_.material(tokens, at, state_); }
+  Status make_named_material(Tokenizer& tokens, const Token& at) {
+    return world_.make_named_material(tokens, at, state_);
   }
-
-  Status material(Tokenizer& tokens, const Token& directive) {
-    SPILLWAY_ASSIGN(const Token type, read_string_token(tokens, directive.text));
-    SPILLWAY_ASSIGN(ParamList params, params_with_attributes(tokens, Target::material));
-    state_.material = std::make_shared<MaterialDefinition>();
-    state_.material->type = type.text;
-    state_.material->params = std::move(params);
-    state_.material->place = type.place;
-    return {};
-  }
-
-  Status make_named_material(Tokenizer& tokens, const Token& directive) {
-    SPILLWAY_ASSIGN(const Token name, read_string_token(tokens, directive.text));
-    SPILLWAY_ASSIGN(ParamList params, params_with_attributes(tokens, Target::material));
-    return materials_.define(name, std::move(params), name.place);
-  }
-
-  Status named_material(Tokenizer& tokens, const Token& directive) {
-    SPILLWAY_ASSIGN(state_.material_name, read_string_token(tokens, directive.text));
-    state_.material = nullptr;
-    return {};
-  }
-
-  Status area_light(Tokenizer& tokens, const Token& directive) {
-    SPILLWAY_ASSIGN(const Token type, read_string_token(tokens, directive.text));
-    SPILLWAY_ASSIGN(const ParamList params, params_with_attributes(tokens, Target::light));
-    SPILLWAY_ASSIGN(state_.emission, read_area_light(session_, type.text, params, type.place));
-    return {};
-  }
-
-  Status light(Tokenizer& tokens, const Token& directive) {
-    SPILLWAY_ASSIGN(const Token type, read_string_token(tokens, directive.text));
-    SPILLWAY_ASSIGN(const ParamList params, params_with_attributes(tokens, Target::light));
-    if (state_.moves())
-      session_.warn(directive.place, "lights do not move: this one stays where it is at the first of TransformTimes");
-    return add_light(session_, type.text, params, type.place, state_.transform);
-  }
-
-  // ---- shapes and objects ----
-
-  Status shape(Tokenizer& tokens, const Token& directive) {
-    SPILLWAY_ASSIGN(const Token type, read_string_token(tokens, directive.text));
-    SPILLWAY_ASSIGN(const ParamList params, params_with_attributes(tokens, Target::shape));
-    if (!is_supported_shape(type.text)) {
-      return session_.replaced(type.place, fmt::format("shape {}", to_string(type)), "nothing");
-    }
-    if (!state_.material) {
-      SPILLWAY_ASSIGN(state_.material, materials_.find(state_.material_name.text, state_.material_name.place));
-    }
-    ShapeState shape_state;
-    shape_state.object_from_shape = state_.transform, shape_state.reverse_orientation = state_.reverse_orientation;
-    shape_state.emission = state_.emission;
-    SPILLWAY_ASSIGN(shape_state.material, materials_.use(*state_.material));
-    SPILLWAY_TRY(divide_media(shape_state));
-    if (!shape_state.material.valid() && !shape_state.divides_media) return {};  // nothing to see, nothing to cross
-    SPILLWAY_ASSIGN(ReadShape shape, read_shape(session_, textures_, type.text, params, directive.place, shape_state));
-    if (state_.moves() && !shape.emits()) return moving_shape(std::move(shape));
-    if (state_.moves()) SPILLWAY_TRY(emitter_moves(directive.place));
-    if (object_ != nullptr) {
-      shape.state.object = object_->index, ++object_->mesh_count;
-      object_->emits = object_->emits || shape.emits();
-    }
-    return send_shape(session_, std::move(shape));
-  }
-
-  // As in pbrt, the same medium on both sides is no division: rays keep what they are in.
-  Status divide_media(ShapeState& shape) const {
-    shape.divides_media = state_.media.divide();
-    if (!shape.divides_media) return {};
-    SPILLWAY_ASSIGN(shape.medium_inside, media_.find(state_.media.inside));
-    SPILLWAY_ASSIGN(shape.medium_outside, media_.find(state_.media.outside));
-    return {};
-  }
-
-  // As in pbrt, an instance of an object that holds this shape alone, in its own space.
-  Status moving_shape(ReadShape shape) {
-    shape.state.object = session_.sink.begin_object(shape.name);
-    shape.state.object_from_shape = {};
-    const Place place = shape.place;
-    const MovingShape moving{shape.state.object, state_.transform, state_.transform_end};
-    SPILLWAY_TRY(send_shape(session_, std::move(shape)));
-    if (object_ == nullptr) return add_instance(moving.object, moving.start, moving.end, place);
-    object_->moving.push_back(moving);
-    return {};
-  }
-
-  // Light tables know one place for each emitter.
-  Status emitter_moves(const Place& place) {
-    return session_.ignorable(place, "a shape that emits moves, which is not supported: it stays where it is at the first "
-                              "of TransformTimes");
-  }
-
-  Status add_instance(uint32_t object, const Transform& start, const Transform& end, const Place& place) {
-    const Affine3 first = start.affine(), last = end.affine();
-    const Status added = std::memcmp(&first, &last, sizeof first) == 0
-                             ? session_.sink.add_instance(object, first)
-                             : session_.sink.add_moving_instance(object, first, last);
-    return added ? added : error_at(place, "{}", added.error().message);
-  }
+  Status named_material(Tokenizer& tokens, const Token& at) { return world_.named_material(tokens, at, state_); }
+  Status area_light(Tokenizer& tokens, const Token& at) { return world_.area_light(tokens, at, state_); }
+  Status light(Tokenizer& tokens, const Token& at) { return world_.light(tokens, at, state_); }
+  Status shape(Tokenizer& tokens, const Token& at) { return world_.shape(tokens, at, state_); }
+  Status object_instance(Tokenizer& tokens, const Token& at) { return world_.object_instance(tokens, at, state_); }
 
   Status object_begin(Tokenizer& tokens, const Token& directive) {
-    SPILLWAY_ASSIGN(const Token name, read_string_token(tokens, directive.text));
-    if (object_ != nullptr)
-      return error_at(directive.place, "ObjectBegin inside the object begun at {}", to_string(object_->place));
-    const auto [at, is_new] = objects_.try_emplace(name.text);
-    if (!is_new) {
-      return error_at(name.place, "object {} is defined twice (first at {}): rename one", to_string(name),
-                      to_string(at->second.place));
-    }
-    SPILLWAY_TRY(push_scope(directive));
-    at->second.index = session_.sink.begin_object(name.text);
-    at->second.place = directive.place;
-    object_ = &at->second;
-    ++session_.report.object_count;
-    return {};
+    SPILLWAY_TRY(world_.begin_object(tokens, directive));
+    return push_scope(directive);
   }
 
   Status object_end(Tokenizer& tokens, const Token& directive) {
     SPILLWAY_TRY(attribute_end(tokens, directive));
-    object_ = nullptr;
-    return {};
-  }
-
-  // An instance adds its transform to what the object's shapes were given: world = instance * shape.
-  Status object_instance(Tokenizer& tokens, const Token& directive) {
-    SPILLWAY_ASSIGN(const Token name, read_string_token(tokens, directive.text));
-    if (object_ != nullptr)
-      return error_at(directive.place, "ObjectInstance inside an object: objects hold shapes only");
-    const auto at = objects_.find(name.text);
-    if (at == objects_.end()) {
-      return error_at(name.place, "there is no object {}: define it before its first instance", to_string(name));
-    }
-    const Object& object = at->second;
-    if (object.mesh_count == 0 && object.moving.empty()) {
-      session_.warn(name.place, "object {} holds nothing: the instance is left out", to_string(name));
-      return {};
-    }
-    if (state_.moves() && object.emits) SPILLWAY_TRY(emitter_moves(directive.place));
-    const Transform& end = object.emits ? state_.transform : state_.transform_end;
-    if (object.mesh_count > 0) SPILLWAY_TRY(add_instance(object.index, state_.transform, end, directive.place));
-    for (const MovingShape& shape : object.moving)
-      SPILLWAY_TRY(add_instance(shape.object, state_.transform * shape.start, end * shape.end, directive.place));
-    ++session_.report.instance_count;
+    world_.end_object();
     return {};
   }
 
   static const std::array<Directive, 40> kDirectives;
 
   Session& session_;
-  TextureTable textures_;
-  MaterialTable materials_;
-  MediumTable media_;
+  World world_;
   GraphicsState state_;
   std::vector<OpenScope> scopes_;
   std::vector<std::filesystem::path> open_files_;
   std::map<std::string, NamedSystem> systems_;
-  std::map<std::string, Object> objects_;
-  Object* object_ = nullptr;  // the one being defined
   SceneOptions options_;
   bool in_world_ = false;
 };

@@ -3,6 +3,7 @@
 #include <array>
 #include <vector>
 
+#include "tools/import/colors.h"
 #include "tools/import/spectra.h"
 
 namespace spillway::tools {
@@ -14,42 +15,10 @@ using pipeline::MediumInput;
 using pipeline::MediumKind;
 using pipeline::VolumeInput;
 
-Result<Rgb> rgb_of(const Parameter& parameter) {
-  SPILLWAY_TRY(expect_count(parameter, parameter.numbers.size(), 3));
-  return Rgb{parameter.numbers[0], parameter.numbers[1], parameter.numbers[2]};
-}
-
-// Coefficients per unit length: as given in RGB, or the RGB of sampled values.
-Result<Rgb> read_coefficient(const ParamList& params, std::string_view name, Rgb otherwise) {
-  if (const Parameter* rgb = params.find(ParamType::rgb, name)) return rgb_of(*rgb);
-  const Parameter* spectrum = params.find(ParamType::spectrum, name);
-  if (spectrum == nullptr) return otherwise;
-  if (!spectrum->strings.empty())
-    return error_at(spectrum->place, "\"spectrum {}\" takes pairs of wavelength (nm) and value here", name);
-  SPILLWAY_TRY(check_pairs(*spectrum));
-  Rgb value;
-  const std::array wavelengths{&value.r, &value.g, &value.b};
-  for (size_t i = 0; i < 3; ++i) *wavelengths[i] = spectrum_at(spectrum->numbers, kRgbWavelengths_nm[i]);
-  return value;
-}
-
-// Radiance; none when the medium does not say.
-Result<std::optional<Rgb>> read_emission(const ParamList& params) {
-  if (const Parameter* rgb = params.find(ParamType::rgb, "Le")) {
-    SPILLWAY_ASSIGN(const Rgb color, rgb_of(*rgb));
-    return std::optional(color);
-  }
-  if (const Parameter* body = params.find(ParamType::blackbody, "Le")) {
-    SPILLWAY_TRY(expect_count(*body, body->numbers.size(), 1));
-    if (!(body->numbers[0] >= 500 && body->numbers[0] <= 1e6f))
-      return error_at(body->place, "\"blackbody Le\" takes 500 to 1000000 kelvin");
-    return std::optional(blackbody_rgb(body->numbers[0]));
-  }
-  const Parameter* spectrum = params.find(ParamType::spectrum, "Le");
-  if (spectrum == nullptr) return std::optional<Rgb>();
-  if (spectrum->strings.empty() && spectrum->numbers.size() % 2 == 0)
-    if (const std::optional<Rgb> rgb = light_rgb(spectrum->numbers)) return rgb;
-  return error_at(spectrum->place, "\"spectrum Le\" takes pairs of wavelength (nm) and value, some of it visible");
+// Per unit length.
+Result<Rgb> read_coefficient(Session& session, const ParamList& params, std::string_view name, Rgb otherwise) {
+  SPILLWAY_ASSIGN(const std::optional<Rgb> given, surface_color(session, params, name, RgbRange::unbounded));
+  return given.value_or(otherwise);
 }
 
 // pbrt's default is a marble per millimetre; grids scatter and absorb evenly.
@@ -60,8 +29,8 @@ Status read_coefficients(Session& session, const ParamList& params, Medium& medi
     SPILLWAY_TRY(session.ignorable(preset->place, "measured media are not supported: give sigma_a and sigma_s"));
   const bool grid = medium.kind == MediumKind::grid;
   SPILLWAY_ASSIGN(const float scale, params.real("scale", 1));
-  SPILLWAY_ASSIGN(const Rgb sigma_a, read_coefficient(params, "sigma_a", grid ? Rgb{1, 1, 1} : kMarbleAbsorption));
-  SPILLWAY_ASSIGN(const Rgb sigma_s, read_coefficient(params, "sigma_s", grid ? Rgb{1, 1, 1} : kMarbleScattering));
+  SPILLWAY_ASSIGN(const Rgb sigma_a, read_coefficient(session, params, "sigma_a", grid ? Rgb{1, 1, 1} : kMarbleAbsorption));
+  SPILLWAY_ASSIGN(const Rgb sigma_s, read_coefficient(session, params, "sigma_s", grid ? Rgb{1, 1, 1} : kMarbleScattering));
   medium.sigma_a = sigma_a * scale, medium.sigma_s = sigma_s * scale;
   SPILLWAY_ASSIGN(medium.g, params.real("g", 0));
   return {};
@@ -89,18 +58,21 @@ class MediumReader {
     Medium medium;
     if (type != "homogeneous") medium.kind = MediumKind::grid;
     SPILLWAY_TRY(read_coefficients(session_, params_, medium));
-    SPILLWAY_ASSIGN(const std::optional<Rgb> emission, read_emission(params_));
-    if (type == "homogeneous") SPILLWAY_TRY(read_homogeneous(emission, medium));
-    if (type == "uniformgrid") SPILLWAY_TRY(read_uniform_grid(emission, medium));
+    if (type == "homogeneous") SPILLWAY_TRY(read_homogeneous(medium));
+    if (type == "uniformgrid") SPILLWAY_TRY(read_uniform_grid(medium));
     if (type == "nanovdb" || type == "openvdb") SPILLWAY_TRY(read_file(medium));
     return medium;
   }
 
  private:
-  Status read_homogeneous(const std::optional<Rgb>& emission, Medium& medium) {
-    SPILLWAY_ASSIGN(const float scale, params_.real("Lescale", 1));
+  // Radiance; none when the medium does not say, or says black. "Lescale" without it is left to be named as unused.
+  Result<std::optional<Rgb>> read_emission() { return given_light_color(session_, params_, "Le"); }
+
+  Status read_homogeneous(Medium& medium) {
+    SPILLWAY_ASSIGN(const std::optional<Rgb> emission, read_emission());
     if (!emission) return {};
-    medium.glow_kind = GlowKind::constant, medium.glow = *emission * scale;
+    SPILLWAY_ASSIGN(const float scale, params_.real("Lescale", 1));
+    if (!is_black(*emission)) medium.glow_kind = GlowKind::constant, medium.glow = *emission * scale;
     return {};
   }
 
@@ -112,7 +84,7 @@ class MediumReader {
     return *added;
   }
 
-  Status read_uniform_grid(const std::optional<Rgb>& emission, Medium& medium) {
+  Status read_uniform_grid(Medium& medium) {
     std::array<int32_t, 3> counts;
     SPILLWAY_ASSIGN(counts[0], params_.integer("nx", 1));
     SPILLWAY_ASSIGN(counts[1], params_.integer("ny", 1));
@@ -123,31 +95,39 @@ class MediumReader {
       if (n < 1 || n > cache::kMaxLattice)
         return error_at(name_.place, "nx, ny and nz must lie between 1 and {}", cache::kMaxLattice);
     SPILLWAY_ASSIGN(medium.density_volume, add_given(*density, counts));
+    SPILLWAY_ASSIGN(const std::optional<Rgb> emission, read_emission());
     const Parameter* temperature = params_.find(ParamType::real, "temperature");
-    const Parameter* le_scale = params_.find(ParamType::real, "Lescale");
     if (temperature != nullptr && emission)
       return error_at(temperature->place, "a medium has \"temperature\" or \"Le\", not both");
     if (temperature != nullptr) {
-      SPILLWAY_TRY(read_temperature(medium));
+      SPILLWAY_TRY(read_temperature(medium, "Lescale"));
       SPILLWAY_ASSIGN(medium.glow_volume, add_given(*temperature, counts));
-    } else if (emission) {
-      medium.glow = *emission;
-      medium.glow_kind = GlowKind::constant;
-      if (le_scale != nullptr && le_scale->numbers.size() == 1) medium.glow = medium.glow * le_scale->numbers[0];
-      if (le_scale != nullptr && le_scale->numbers.size() > 1) {
-        medium.glow_kind = GlowKind::scaled;
-        SPILLWAY_ASSIGN(medium.glow_volume, add_given(*le_scale, counts));
-      }
     }
+    return emission ? read_grid_emission(*emission, counts, medium) : Status{};
+  }
+
+  // Evenly, by one number or by one a sample.
+  Status read_grid_emission(Rgb emission, const std::array<int32_t, 3>& counts, Medium& medium) {
+    const Parameter* scale = params_.find(ParamType::real, "Lescale");
+    if (is_black(emission)) return {};
+    medium.glow = emission, medium.glow_kind = GlowKind::constant;
+    if (scale == nullptr) return {};
+    if (scale->numbers.size() == 1) {
+      medium.glow = medium.glow * scale->numbers[0];
+      return {};
+    }
+    medium.glow_kind = GlowKind::scaled;
+    SPILLWAY_ASSIGN(medium.glow_volume, add_given(*scale, counts));
     return {};
   }
 
-  Status read_temperature(Medium& medium) {
+  // pbrt spells the scale differently for grids that are given and grids of files.
+  Status read_temperature(Medium& medium, std::string_view scale_name) {
     medium.glow_kind = GlowKind::temperature;
     SPILLWAY_ASSIGN(const float cutoff, params_.real("temperaturecutoff", 0));
     SPILLWAY_ASSIGN(medium.kelvin_offset, params_.real("temperatureoffset", cutoff));
     SPILLWAY_ASSIGN(medium.kelvin_scale, params_.real("temperaturescale", 1));
-    SPILLWAY_ASSIGN(const float scale, params_.real("LeScale", 1));
+    SPILLWAY_ASSIGN(const float scale, params_.real(scale_name, 1));
     medium.glow = {scale, scale, scale};
     return {};
   }
@@ -169,7 +149,7 @@ class MediumReader {
     SPILLWAY_ASSIGN(const std::string temperature, params_.string("temperaturename", ""));
     SPILLWAY_ASSIGN(medium.density_volume, add_grid(file->strings[0], density));
     if (temperature.empty()) return {};
-    SPILLWAY_TRY(read_temperature(medium));
+    SPILLWAY_TRY(read_temperature(medium, "LeScale"));
     SPILLWAY_ASSIGN(medium.glow_volume, add_grid(file->strings[0], temperature));
     return {};
   }

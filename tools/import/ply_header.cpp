@@ -155,12 +155,12 @@ Result<PlyBytes> PlyBytes::open(const std::filesystem::path& file) {
   bytes.size_ = std::filesystem::file_size(file, code);
   if (code) return error("{}: {}: check the path", bytes.name_, code.message());
   if (file.extension() == ".gz") {
-    SPILLWAY_ASSIGN(UnpackedFile unpacked, gunzip(file));
-    bytes.stream_ = std::move(unpacked.stream), bytes.size_ = unpacked.size_bytes;
+    SPILLWAY_ASSIGN(bytes.packed_, GzipFile::open(file));
+    bytes.size_ = bytes.packed_->size_bytes();
   } else {
     bytes.stream_.reset(std::fopen(file.c_str(), "rb"));
   }
-  if (!bytes.stream_) return error("{}: {}: check the path", bytes.name_, std::strerror(errno));
+  if (!bytes.stream_ && !bytes.packed_) return error("{}: {}: check the path", bytes.name_, std::strerror(errno));
   bytes.piece_.resize(std::min(kPieceBytes, std::max<size_t>(bytes.size_, kMaxTake)));
   return bytes;
 }
@@ -173,7 +173,9 @@ bool PlyBytes::fill(size_t count) {
   if (last_ - first_ >= count) return true;
   std::memmove(piece_.data(), piece_.data() + first_, last_ - first_);
   last_ -= first_, first_ = 0;
-  last_ += std::fread(piece_.data() + last_, 1, piece_.size() - last_, stream_.get());
+  unsigned char* const free = piece_.data() + last_;
+  const size_t room = piece_.size() - last_;
+  last_ += packed_ ? packed_->read(free, room) : std::fread(free, 1, room, stream_.get());
   return last_ >= count;
 }
 

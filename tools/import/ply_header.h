@@ -3,7 +3,10 @@
 // The parts of read_ply: a file in pieces, and the header's meaning.
 
 #include <cstdint>
+#include <cstdio>
 #include <filesystem>
+#include <memory>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -16,7 +19,7 @@ namespace spillway::tools {
 // A file read forward in pieces; knows its size and where it is.
 class PlyBytes {
  public:
-  // A file named .gz is unpacked first: offsets are those of what was in it.
+  // A file named .gz is unpacked as it is read: offsets are those of what was in it.
   static Result<PlyBytes> open(const std::filesystem::path& file);
 
   [[nodiscard]] uint64_t offset() const { return offset_; }
@@ -33,8 +36,13 @@ class PlyBytes {
  private:
   bool fill(size_t count);  // makes `count` bytes available, if the file has them
 
+  struct CloseFile {
+    void operator()(std::FILE* stream) const { std::fclose(stream); }
+  };
+
   std::string name_;
-  FileStream stream_;
+  std::unique_ptr<std::FILE, CloseFile> stream_;
+  std::optional<GzipFile> packed_;  // instead of the stream
   uint64_t size_ = 0, offset_ = 0;
   std::vector<unsigned char> piece_;
   size_t first_ = 0, last_ = 0;

@@ -85,7 +85,7 @@ Status read_film(Session& session, const Waiting& film, SceneSettings& settings)
   SPILLWAY_TRY(read_resolution(film, settings.camera));
   SPILLWAY_TRY(read_crop(film, settings.camera, settings.film));
   SPILLWAY_TRY(read_exposure(session, film, settings.camera, settings.film));
-  SPILLWAY_ASSIGN(session.report.film_file_name, film.params.string("filename", ""));
+  SPILLWAY_ASSIGN([[maybe_unused]] const std::string name, film.params.string("filename", ""));  // -o says it
   (void)film.params.find(ParamType::real, "diagonal");  // of realistic lenses alone
   (void)film.params.find(ParamType::boolean, "savefp16");
   if (const Parameter* limit = film.params.find(ParamType::real, "maxcomponentvalue")) {
