@@ -94,27 +94,51 @@ void FaceTexWriter::add_to_mean(std::span<const std::byte> texel) {
   for (uint32_t c = 0; c < format_.channels; ++c) mean_[c] += static_cast<double>(decoder_.value(texel.data(), c));
 }
 
-Status FaceTexWriter::add_face(std::span<const std::byte> texels) {
-  if (textures_.empty() || numbers_.size() == faces_.size()) return error("a face of no texture");
-  const FaceInfo& face = faces_[numbers_.size()];
-  auto& levels = class_of(face);
-  Image& finest = *levels.front();
-  const size_t wanted = (size_t{1} << (finest.layout.ulog2 + finest.layout.vlog2)) * format_.texel_bytes();
-  if (texels.size() != wanted)
-    return error("face texture '{}', face {}: {} bytes of texels, {} wanted", textures_.back().name,
-                 numbers_.size() - textures_.back().first_face, texels.size(), wanted);
-  if (finest.face_count == UINT32_MAX) return error("a class of more than 2^32 faces");
-  const auto number = static_cast<uint32_t>(finest.face_count);
+Status FaceTexWriter::check_face(uint64_t face, std::span<const std::byte> texels) const {
+  if (textures_.empty() || face >= faces_.size()) return error("a face of no texture");
+  const FaceInfo& info = faces_[face];
+  const bool is_constant = (info.flags & kFaceIsConstant) != 0;
+  const size_t wanted = (is_constant ? 1 : size_t{1} << (info.ulog2 + info.vlog2)) * format_.texel_bytes();
+  if (texels.size() == wanted) return {};
+  return error("face texture '{}', face {}: {} bytes of texels, {} wanted", textures_.back().name,
+               face - textures_.back().first_face, texels.size(), wanted);
+}
+
+FaceTexWriter::Coarser FaceTexWriter::coarser_levels(const FaceInfo& face, std::span<const std::byte> texels) const {
+  Coarser levels;
+  if (face.flags & kFaceIsConstant) return levels;
+  for (uint32_t level = 1; level <= std::max(face.ulog2, face.vlog2); ++level)
+    levels.push_back(halved_face(decoder_, format_, textures_.back().shape,
+                                 level == 1 ? texels : std::span<const std::byte>(levels.back()),
+                                 reduced_log2(face.ulog2, level - 1), reduced_log2(face.vlog2, level - 1)));
+  return levels;
+}
+
+Status FaceTexWriter::put_levels(std::span<const std::byte> texels, const Coarser& coarser) {
+  auto& levels = class_of(faces_[numbers_.size()]);
+  if (levels.front()->face_count == UINT32_MAX) return error("a class of more than 2^32 faces");
+  const auto number = static_cast<uint32_t>(levels.front()->face_count);
   numbers_.push_back(number);
-  SPILLWAY_TRY(put_face(finest, number, texels));
-  std::vector<std::byte> coarser;
-  for (size_t level = 1; level < levels.size(); ++level) {
-    const FaceTexImage& from = levels[level - 1]->layout;
-    coarser = halved_face(decoder_, format_, textures_.back().shape,
-                          level == 1 ? texels : std::span<const std::byte>(coarser), from.ulog2, from.vlog2);
-    SPILLWAY_TRY(put_face(*levels[level], number, coarser));
-  }
-  add_to_mean(levels.size() == 1 ? texels : std::span<const std::byte>(coarser));
+  SPILLWAY_TRY(put_face(*levels.front(), number, texels));
+  for (size_t level = 1; level < levels.size(); ++level)
+    SPILLWAY_TRY(put_face(*levels[level], number, coarser[level - 1]));
+  add_to_mean(coarser.empty() ? texels : std::span<const std::byte>(coarser.back()));
+  return {};
+}
+
+Status FaceTexWriter::add_face(std::span<const std::byte> texels) {
+  SPILLWAY_TRY(check_face(numbers_.size(), texels));
+  return put_levels(texels, coarser_levels(faces_[numbers_.size()], texels));
+}
+
+Status FaceTexWriter::add_faces(std::span<const std::vector<std::byte>> faces) {
+  const size_t first = numbers_.size();
+  for (size_t i = 0; i < faces.size(); ++i) SPILLWAY_TRY(check_face(first + i, faces[i]));
+  std::vector<Coarser> coarser(faces.size());
+  parallel_blocks(faces.size(), 16, [&](size_t, size_t begin, size_t end) {
+    for (size_t i = begin; i < end; ++i) coarser[i] = coarser_levels(faces_[first + i], faces[i]);
+  });
+  for (size_t i = 0; i < faces.size(); ++i) SPILLWAY_TRY(put_levels(faces[i], coarser[i]));
   return {};
 }
 

@@ -40,6 +40,8 @@ class FaceTexWriter {
   Status begin_texture(FaceTextureShape texture);
   // 2^(ulog2 + vlog2) texels row by row from v = 0, or one of a constant face.
   Status add_face(std::span<const std::byte> texels);
+  // The same of several faces, whose coarser levels are made on all threads of the current arena.
+  Status add_faces(std::span<const std::vector<std::byte>> faces);
   // Every face of the last texture given: writes tables and commits.
   Status finish();
 
@@ -55,7 +57,11 @@ class FaceTexWriter {
     std::vector<std::byte> texels;
   };
   FaceTexWriter(WriteFile file, const FaceTexFormat& format);
+  using Coarser = std::vector<std::vector<std::byte>>;  // levels 1 and up
   Status end_texture();
+  Status check_face(uint64_t face, std::span<const std::byte> texels) const;
+  [[nodiscard]] Coarser coarser_levels(const FaceInfo& face, std::span<const std::byte> texels) const;
+  Status put_levels(std::span<const std::byte> texels, const Coarser& coarser);
   std::vector<std::unique_ptr<Image>>& class_of(const FaceInfo& face);
   Status put_face(Image& image, uint32_t number, std::span<const std::byte> texels);
   Status put_band(Image& image);

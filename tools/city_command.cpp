@@ -21,10 +21,12 @@ namespace fs = std::filesystem;
 using city::City;
 using city::CityOptions;
 
+constexpr double kUsualTexels = 4;  // a metre
+
 struct CityArguments {
   CityOptions city;
   fs::path output;
-  std::string format = "pbrt", terrain = "full", frames, textures;
+  std::string format = "pbrt", terrain = "full", frames;
   uint64_t memory_bytes = 0;
   uint64_t street_lights = 0, trees = 0, cars = 0;
   float edge_length_px = pipeline::DiceOptions{}.edge_length_px;
@@ -50,7 +52,7 @@ Result<std::unique_ptr<pipeline::SceneSink>> make_sink(const CityArguments& a) {
 Status check_space(const City& plan, const fs::path& folder) {
   std::error_code code;
   const fs::space_info space = fs::space(folder, code);
-  const uint64_t needed = plan.predicted_store_bytes();
+  const uint64_t needed = plan.predicted_store_bytes() + plan.predicted_texture_bytes();
   if (code || space.available >= needed) return {};
   return error("{}: the disk has {:.2f} GiB left, the city takes about {:.2f}", folder.string(),
                static_cast<double>(space.available) / 0x1p30, static_cast<double>(needed) / 0x1p30);
@@ -93,12 +95,15 @@ Status check_usage(CityArguments& a, const CLI::App& command) {
   for (const char* option : {"--memory", "--edge-length-px"})
     if (a.format != "store" && command.count(option) > 0)
       return error("{}: is of --format store: text is written as it is made, and diced when it is packed", option);
+  if (a.city.tessellate && a.city.texture_bytes > 0)
+    return error("--textures: a tessellated city has none; leave out one of both");
   if (a.output.empty() && !a.dry_run) return error("-o is missing: name the folder for the city");
   return {};
 }
 
 Status make_city(CityArguments& a) {
-  if (!a.textures.empty()) return error("--textures {}: this city has no textures to size", a.textures);
+  if (a.city.tessellate && !a.quiet && a.city.texels_per_metre > 0)
+    fmt::print(stderr, "face textures are left out: other renderers have none of this kind\n");
   a.city.hills = a.terrain == "full" || a.terrain == "hills";
   a.city.bay = a.terrain == "full" || a.terrain == "bay";
   SPILLWAY_ASSIGN(const City plan, City::plan(a.city));
@@ -135,7 +140,13 @@ void add_counts(CLI::App& command, CityArguments& a) {
       ->check(CLI::Range(0.0, 1.0));
   add_parsed(command, "--geometry", a.city.geometry_bytes, parse_bytes,
              "bytes of geometry in the store, such as 40GiB; the buildings, or their detail, follow");
-  command.add_option("--textures", a.textures, "bytes of textures");
+  a.city.texels_per_metre = kUsualTexels;
+  command
+      .add_option("--texels-per-metre", a.city.texels_per_metre,
+                  "of the face textures on buildings and streets; 0 leaves them out [4]")
+      ->check(CLI::Range(0.0, 1024.0));
+  add_parsed(command, "--textures", a.city.texture_bytes, parse_bytes,
+             "bytes of face textures, such as 20GiB; texels-per-metre follows");
   command.add_option("--seed", a.city.seed, "another city [1]");
 }
 

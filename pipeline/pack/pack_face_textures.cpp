@@ -43,18 +43,47 @@ bool is_face_container_name(std::string_view name) {
   return name.empty() || (name.starts_with(".") && name.ends_with(".tmp"));
 }
 
-// The newest file of the kind, unless it is full.
-Result<uint32_t> FaceTexturePacker::container_for(const cache::FaceTexFormat& format) {
-  for (size_t c = containers_.size(); c-- > 0;)
-    if (containers_[c].writer->format() == format && containers_[c].writer->written_bytes() < max_container_bytes_)
-      return static_cast<uint32_t>(c);
+Result<std::string> FaceTexturePacker::new_container_name() const {
   std::error_code code;
   std::filesystem::create_directories(directory_, code);
+  return fmt::format("{}{:05}{}", kPrefix, containers_.size(), kSuffix);
+}
+
+// The open file of the kind; one that is full is completed, so that its tables take no more memory.
+Result<uint32_t> FaceTexturePacker::container_for(const cache::FaceTexFormat& format) {
+  for (uint32_t c = 0; c < containers_.size(); ++c) {
+    const auto& writer = containers_[c].writer;
+    if (!writer || writer->format() != format) continue;
+    if (writer->written_bytes() < max_container_bytes_) return c;
+    SPILLWAY_TRY(complete(c));
+  }
   Container made;
-  made.file_name = fmt::format("{}{:05}{}", kPrefix, containers_.size(), kSuffix);
+  SPILLWAY_ASSIGN(made.file_name, new_container_name());
   SPILLWAY_ASSIGN(made.writer, cache::FaceTexWriter::create(directory_ / made.file_name, format));
   containers_.push_back(std::move(made));
   return static_cast<uint32_t>(containers_.size() - 1);
+}
+
+Status FaceTexturePacker::complete(uint32_t index) {
+  Container& container = containers_[index];
+  SPILLWAY_TRY(container.writer->finish());
+  for (cache::FaceTextureInfo& texture : textures_)
+    if (texture.container == index) std::copy_n(container.writer->texture(texture.texture).mean, 4, texture.mean);
+  container.writer.reset();
+  return describe(container);
+}
+
+// What a render will have to know of it.
+Status FaceTexturePacker::describe(Container& container) const {
+  SPILLWAY_ASSIGN(const cache::FaceTexFile file, cache::FaceTexFile::open(directory_ / container.file_name,
+                                                                          {MemoryTag::pack, cache::IoPurpose::pack}));
+  cache::FaceContainerInfo& info = container.info;
+  container.file_name.copy(info.file_name, sizeof info.file_name - 1);
+  for (const cache::FaceTexTexture& texture : file.textures()) info.face_count += texture.face_count;
+  info.tile_count = file.tiles().size();
+  info.tile_bytes = static_cast<uint32_t>(file.format().tile_bytes());
+  info.image_count = static_cast<uint32_t>(file.images().size());
+  return {};
 }
 
 Result<FaceTextureId> FaceTexturePacker::begin(cache::FaceTexFormat format, cache::FaceTextureShape texture) {
@@ -76,14 +105,27 @@ Status FaceTexturePacker::add_face(std::span<const std::byte> texels) {
   return containers_[textures_.back().container].writer->add_face(texels);
 }
 
-Result<FaceTextureId> FaceTexturePacker::add_file(const std::filesystem::path& file, TexelCurve encoding) {
+Status FaceTexturePacker::add_faces(std::span<const std::vector<std::byte>> faces) {
+  if (textures_.empty()) return error("faces of no face texture");
+  return containers_[textures_.back().container].writer->add_faces(faces);
+}
+
+Result<FaceTextureId> FaceTexturePacker::add_file(const std::filesystem::path& file, TexelCurve encoding,
+                                                  const std::string& name) {
   std::error_code code;
   const std::string whole = std::filesystem::weakly_canonical(file, code).string();
   const auto [found, is_new] =
-      files_.try_emplace({whole, encoding}, FaceTextureId{static_cast<uint32_t>(textures_.size())});
+      files_.try_emplace({whole, encoding, name}, FaceTextureId{static_cast<uint32_t>(textures_.size())});
   if (!is_new) return found->second;
+  if (adopted_.contains(whole)) {
+    SPILLWAY_TRY(add_adopted(file, whole, name));
+    return found->second;
+  }
   if (!std::filesystem::is_regular_file(file, code)) return error("{}: there is no such face texture", file.string());
-  SPILLWAY_TRY(cache::FaceTexFile::is_face_tex(file) ? copy_face_tex(file) : copy_ptx(file, encoding));
+  const bool is_face_tex = cache::FaceTexFile::is_face_tex(file);
+  if (!is_face_tex && !name.empty())
+    return error("{}: is no .facetex file, and has no texture '{}'", file.string(), name);
+  SPILLWAY_TRY(is_face_tex ? copy_face_tex(file, whole, name) : copy_ptx(file, encoding));
   return found->second;
 }
 
@@ -120,12 +162,19 @@ Status FaceTexturePacker::copy_ptx(const std::filesystem::path& file, TexelCurve
   return {};
 }
 
-Status FaceTexturePacker::copy_face_tex(const std::filesystem::path& path) {
+Status FaceTexturePacker::copy_face_tex(const std::filesystem::path& path, const std::string& whole,
+                                        const std::string& name) {
   SPILLWAY_ASSIGN(const cache::FaceTexFile file,
                   cache::FaceTexFile::open(path, {MemoryTag::pack, cache::IoPurpose::pack}));
-  if (file.textures().size() != 1)
-    return error("{}: holds {} textures, but one is wanted", path.string(), file.textures().size());
+  if (file.textures().size() != 1) {
+    if (name.empty())
+      return error("{}: holds {} textures, but one is wanted; name it", path.string(), file.textures().size());
+    SPILLWAY_TRY(adopt(path, whole, file));
+    return add_adopted(path, whole, name);
+  }
   const cache::FaceTexTexture& texture = file.textures()[0];
+  if (!name.empty() && name != texture.name)
+    return error("{}: its texture is '{}', not '{}'", path.string(), texture.name, name);
   cache::FaceTextureShape shape{texture.name, texture.shape, texture.u_border, texture.v_border, {}};
   shape.faces.assign(file.faces(texture).begin(), file.faces(texture).end());
   SPILLWAY_TRY(begin(file.format(), std::move(shape)));
@@ -136,22 +185,55 @@ Status FaceTexturePacker::copy_face_tex(const std::filesystem::path& path) {
   return {};
 }
 
-Result<PackedFaceTextures> FaceTexturePacker::finish() {
-  PackedFaceTextures packed{{}, textures_};
-  for (Container& container : containers_) {
-    SPILLWAY_TRY(container.writer->finish());
-    SPILLWAY_ASSIGN(const cache::FaceTexFile file, cache::FaceTexFile::open(directory_ / container.file_name,
-                                                                            {MemoryTag::pack, cache::IoPurpose::pack}));
-    cache::FaceContainerInfo info{};
-    container.file_name.copy(info.file_name, sizeof info.file_name - 1);
-    for (const cache::FaceTexTexture& texture : file.textures()) info.face_count += texture.face_count;
-    info.tile_count = file.tiles().size();
-    info.tile_bytes = static_cast<uint32_t>(file.format().tile_bytes());
-    info.image_count = static_cast<uint32_t>(file.images().size());
-    packed.containers.push_back(info);
+// A file that is packed already becomes one of the store's: its bytes are copied, not its texels.
+Status FaceTexturePacker::adopt(const std::filesystem::path& path, const std::string& whole,
+                                const cache::FaceTexFile& file) {
+  constexpr size_t kPiece = 4 << 20;
+  Container made;
+  SPILLWAY_ASSIGN(made.file_name, new_container_name());
+  SPILLWAY_ASSIGN(cache::WriteFile copy,
+                  cache::WriteFile::create(directory_ / made.file_name, cache::IoPurpose::pack));
+  SPILLWAY_ASSIGN(const cache::ReadFile source, cache::ReadFile::open(path, {.purpose = cache::IoPurpose::pack}));
+  std::vector<std::byte> piece;
+  for (uint64_t at = 0; at < source.size_bytes(); at += piece.size()) {
+    piece.resize(std::min<uint64_t>(kPiece, source.size_bytes() - at));
+    SPILLWAY_TRY(source.read(at, piece));
+    SPILLWAY_TRY(copy.append(piece));
   }
-  for (cache::FaceTextureInfo& texture : packed.textures)
-    std::copy_n(containers_[texture.container].writer->texture(texture.texture).mean, 4, texture.mean);
+  SPILLWAY_TRY(copy.commit());
+  const auto container = static_cast<uint32_t>(containers_.size());
+  for (uint32_t t = 0; t < file.textures().size(); ++t) {
+    const cache::FaceTexTexture& from = file.textures()[t];
+    const auto faces = file.faces(from);
+    const bool has_subfaces = std::any_of(faces.begin(), faces.end(), [](const auto& f) { return f.is_subface(); });
+    cache::FaceTextureInfo info{container, t, from.face_count, from.shape, file.format().channels, {}};
+    std::copy_n(from.mean, 4, info.mean);
+    made.by_name[from.name] = {info, {from.name, from.face_count, from.shape, has_subfaces}};
+  }
+  SPILLWAY_TRY(describe(made));
+  containers_.push_back(std::move(made));
+  adopted_[whole] = container;
+  return {};
+}
+
+Status FaceTexturePacker::add_adopted(const std::filesystem::path& path, const std::string& whole,
+                                      const std::string& name) {
+  const Container& container = containers_[adopted_.at(whole)];
+  const auto found = container.by_name.find(name);
+  if (found == container.by_name.end())
+    return error("{}: holds {} textures, and none is '{}'", path.string(), container.by_name.size(), name);
+  textures_.push_back(found->second.texture);
+  requirements_.push_back(found->second.required);
+  return {};
+}
+
+Result<PackedFaceTextures> FaceTexturePacker::finish() {
+  PackedFaceTextures packed;
+  for (uint32_t c = 0; c < containers_.size(); ++c) {
+    if (containers_[c].writer) SPILLWAY_TRY(complete(c));
+    packed.containers.push_back(containers_[c].info);
+  }
+  packed.textures = textures_;
   return packed;
 }
 

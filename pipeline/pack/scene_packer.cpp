@@ -140,9 +140,10 @@ Result<ImageId> ScenePacker::add_image(const fs::path& file, cache::TexelEncodin
   return found->second;
 }
 
-Result<FaceTextureId> ScenePacker::add_face_texture(const fs::path& file, TexelCurve encoding) {
+Result<FaceTextureId> ScenePacker::add_face_texture(const fs::path& file, TexelCurve encoding,
+                                                    const std::string& name) {
   if (!state_) return state_.error();
-  auto added = face_textures_->add_file(file, encoding);
+  auto added = face_textures_->add_file(file, encoding, name);
   if (!added) return fail<FaceTextureId>(added.error());
   add_source_file(file);
   return added;
@@ -159,6 +160,11 @@ Result<FaceTextureId> ScenePacker::begin_face_texture(const cache::FaceTexFormat
 Status ScenePacker::add_face(std::span<const std::byte> texels) {
   SPILLWAY_TRY(state_);
   return failed(face_textures_->add_face(texels));
+}
+
+Status ScenePacker::add_faces(std::span<const std::vector<std::byte>> faces) {
+  SPILLWAY_TRY(state_);
+  return failed(face_textures_->add_faces(faces));
 }
 
 Result<TextureId> ScenePacker::add_texture(const TextureNode& node) {

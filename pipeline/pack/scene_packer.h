@@ -43,7 +43,7 @@ struct PackOptions {
   // Performance: pages and blocks differ, pictures do not.
   uint32_t max_triangles_per_page = 65536;          // 1..65536; larger: fewer, longer reads
   BuildOptions tree{};
-  uint64_t max_face_container_bytes = 16ull << 30;  // larger: fewer files of face textures
+  uint64_t max_face_container_bytes = 256ull << 20;  // larger: fewer files of face textures
   cache::FaceTexCodec face_texture_codec = cache::FaceTexCodec::lz4;  // zstd: smaller, slower to unpack
   uint32_t max_faces_per_attribute_block = cache::kMaxFacesPerAttributeBlock;  // larger: fewer, longer reads
   int32_t volume_brick_voxels = 32;                 // 8, 16, 32 or 64; larger: fewer, longer reads
@@ -58,9 +58,11 @@ class ScenePacker final : public SceneSink {
   ~ScenePacker() override;
 
   Result<ImageId> add_image(const std::filesystem::path& file, cache::TexelEncoding encoding) override;
-  Result<FaceTextureId> add_face_texture(const std::filesystem::path& file, TexelCurve encoding) override;
+  Result<FaceTextureId> add_face_texture(const std::filesystem::path& file, TexelCurve encoding,
+                                         const std::string& name) override;
   Result<FaceTextureId> begin_face_texture(const cache::FaceTexFormat& format, cache::FaceTextureShape texture) override;
   Status add_face(std::span<const std::byte> texels) override;
+  Status add_faces(std::span<const std::vector<std::byte>> faces) override;
   Result<TextureId> add_texture(const TextureNode& node) override;
   Result<MaterialId> add_material(const Material& material, std::string name) override;
   Status add_light(const shading::Light& light) override;

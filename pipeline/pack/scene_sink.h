@@ -110,9 +110,11 @@ class SceneSink {
   virtual ~SceneSink() = default;
 
   virtual Result<ImageId> add_image(const std::filesystem::path& file, cache::TexelEncoding encoding) = 0;
-  // A .ptx or .facetex file of one texture; its texels are understood by `encoding`, floats always as linear.
-  virtual Result<FaceTextureId> add_face_texture(const std::filesystem::path& file, TexelCurve encoding) {
-    (void)encoding;
+  // A .ptx file, or a texture of a .facetex file: the one of that name, or its only one. The texels of a .ptx file are
+  // understood by `encoding`, floats always as linear.
+  virtual Result<FaceTextureId> add_face_texture(const std::filesystem::path& file, TexelCurve encoding,
+                                                 const std::string& name) {
+    (void)encoding, (void)name;
     return error("{}: face textures are not taken here", file.string());
   }
   // A face texture made face by face: add_face for each, in order, before anything else is said of face textures.
@@ -123,6 +125,11 @@ class SceneSink {
   virtual Status add_face(std::span<const std::byte> texels) {
     (void)texels;
     return error("face textures are not taken here");
+  }
+  // The same of several; sinks may use all threads.
+  virtual Status add_faces(std::span<const std::vector<std::byte>> faces) {
+    for (const std::vector<std::byte>& face : faces) SPILLWAY_TRY(add_face(face));
+    return {};
   }
   virtual Result<TextureId> add_texture(const TextureNode& node) = 0;
   virtual Result<MaterialId> add_material(const Material& material, std::string name) = 0;

@@ -105,7 +105,7 @@ TEST_F(CityCommand, what_makes_no_sense_is_refused_before_anything_is_written) {
   expect_refused("--buildings 500 --detail 900000", "can have");
   expect_refused("--buildings 20 --geometry 40GiB", "can have");
   expect_refused("--geometry 12parsecs", "size", 2);
-  expect_refused("--textures 20GiB", "--textures");
+  expect_refused("--buildings 5 --textures 20GiB --tessellate", "--textures", 2);
   expect_refused("--frames 1-4", "flight", 2);
   expect_refused("--camera flight --frames 9-4", "FIRST-LAST", 2);
   expect_refused("--camera flight --frames 1-999", "FIRST-LAST", 2);

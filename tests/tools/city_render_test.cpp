@@ -20,7 +20,7 @@ class CityRender : public testing::Test {
     directory_ = std::make_unique<test::TemporaryDirectory>();
     CityOptions options;
     options.buildings = 40, options.detail_triangles = 900, options.trees = 60, options.cars = 30, options.seed = 4;
-    options.time = TimeOfDay::night, options.unique = 0.7;
+    options.time = TimeOfDay::night, options.unique = 0.7, options.texels_per_metre = 1.5;
     const auto city = City::plan(options);
     ASSERT_TRUE(city) << city.error().message;
     const auto sky = directory_->path() / "sky.exr";
@@ -67,6 +67,7 @@ TEST_F(CityRender, has_the_bits_of_the_reference_with_any_memory_and_threads) {
   const std::string hash = (*film)->hash();
   EXPECT_EQ(render(options(), 2).report.image_hash, hash);
   RenderOptions small = options();
+  small.plan.texture_bytes = 4 << 20;
   small.plan.page_bytes = 1 << 20, small.plan.wave_paths = 1500, small.plan.spill = 1;
   const RenderedImage image = render(small, 3);
   EXPECT_EQ(image.report.image_hash, hash);

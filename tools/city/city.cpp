@@ -1,6 +1,7 @@
 #include "tools/city/city.h"
 
 #include <algorithm>
+#include <mutex>
 
 #include "cache/base/parallel.h"
 #include "tools/city/ground.h"
@@ -98,6 +99,7 @@ Result<City> City::plan_once(const CityOptions& options) {
     SPILLWAY_TRY(city.furnish());
     SPILLWAY_TRY(city.calibrate_detail());
     city.survey();
+    SPILLWAY_TRY(city.choose_texels());
     return city;
   }
   return error("{} buildings found no room; try another seed", count);
@@ -239,11 +241,17 @@ void City::count_surfaces(CityCounts& counts, const Geometry& g) const {
       counts.light_triangles += g.triangle_count(surface);
 }
 
-City::BlockCounts City::count_block(size_t index) {
+Geometry City::counting() const {
+  Geometry g = geometry(Geometry::Mode::count);
+  if (paints()) g.count_faces();
+  return g;
+}
+
+City::BlockCounts City::count_block(size_t index, FaceSizes& sizes) {
   BlockCounts block;
   CityCounts& c = block.counts;
   const Contents contents = City::contents(index);
-  Geometry g = geometry(Geometry::Mode::count);
+  Geometry g = counting();
   make_buildings(g, contents);
   c.building_triangles = g.triangle_count();
   make_ground(g, index, contents);
@@ -259,14 +267,19 @@ City::BlockCounts City::count_block(size_t index) {
     ++c.kinds[static_cast<size_t>(b.kind)], ++c.districts[static_cast<size_t>(b.district)];
     c.floors += static_cast<uint64_t>(b.floors);
   }
+  if (g.face_sizes()) sizes.add(*g.face_sizes());
   rows_[index].triangles = g.triangle_count();
   return block;
 }
 
 void City::survey() {
   std::vector<BlockCounts> parts(blocks_.size());
+  std::mutex merging;  // of integers: in any order
   parallel_blocks(blocks_.size(), 4, [&](size_t, size_t first, size_t last) {
-    for (size_t i = first; i < last; ++i) parts[i] = count_block(i);
+    FaceSizes sizes;
+    for (size_t i = first; i < last; ++i) parts[i] = count_block(i, sizes);
+    const std::scoped_lock lock(merging);
+    sizes_->add(sizes);
   });
   used_.resize(kFirstDesign + plan_options_.designs.size());
   for (const BlockCounts& part : parts) {
@@ -305,6 +318,32 @@ uint64_t City::predicted_store_bytes() const {
   return static_cast<uint64_t>(static_cast<double>(counts_.unique_triangles()) * kPerTriangle +
                                static_cast<double>(counts_.instances) * kPerInstance +
                                static_cast<double>(counts_.light_triangles) * kPerLight);
+}
+
+uint64_t City::texture_bytes_at(double texels_per_metre) const {
+  // Measured on cities of 1,000 buildings at 4 to 16 texels a metre: compressed bytes a texel, with its coarser levels;
+  // of faces with few texels, which compress less, some more.
+  constexpr double kPerTexel = 1.0, kPerFace = 476;
+  const FaceSizes::Texels painted = sizes_->at(texels_per_metre);
+  return static_cast<uint64_t>(static_cast<double>(painted.texels) * kPerTexel +
+                               static_cast<double>(painted.faces) * kPerFace);
+}
+
+// The resolution at which textures take the bytes that are wanted; sizes are powers of two, but of many faces.
+Status City::choose_texels() {
+  if (options_.texture_bytes == 0) return {};
+  double low = 0.05, high = 4096;
+  for (int i = 0; i < 60; ++i) {
+    const double middle = std::sqrt(low * high);
+    (texture_bytes_at(middle) < options_.texture_bytes ? low : high) = middle;
+  }
+  options_.texels_per_metre = low;
+  const double ratio =
+      static_cast<double>(predicted_texture_bytes()) / static_cast<double>(options_.texture_bytes);
+  if (ratio > 0.8 && ratio < 1.25) return {};
+  return error("--textures of {:.3f} GiB: the nearest that this city can have are {:.3f} GiB",
+               static_cast<double>(options_.texture_bytes) / 0x1p30,
+               static_cast<double>(predicted_texture_bytes()) / 0x1p30);
 }
 
 }  // namespace spillway::tools::city

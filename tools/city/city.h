@@ -11,6 +11,7 @@
 
 #include <array>
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <vector>
 
@@ -35,6 +36,8 @@ struct CityOptions {
   double unique = 1;                       // share of buildings with geometry of their own; the others are instances
   bool tessellate = false;                 // cages as triangles, at a fixed rate: scenes without extensions
   uint64_t geometry_bytes = 0;  // of the store; 0: what comes of it. Else the buildings, or their detail, follow
+  double texels_per_metre = 0;  // of face textures; 0: nothing is painted. Never with tessellate
+  uint64_t texture_bytes = 0;   // 0: what comes of it. Else texels_per_metre follows
   bool hills = true, bay = true;
   TimeOfDay time = TimeOfDay::day;
   CameraKind camera = CameraKind::aerial;
@@ -68,6 +71,10 @@ class City {
   [[nodiscard]] View view(uint32_t frame) const;
   // Of geometry, as packed, from the counts; within some percent.
   [[nodiscard]] uint64_t predicted_store_bytes() const;
+  // Of face textures, as packed, from the exact number of texels; within some percent. 0: nothing is painted.
+  [[nodiscard]] uint64_t predicted_texture_bytes() const { return texture_bytes_at(options_.texels_per_metre); }
+  [[nodiscard]] FaceSizes::Texels painted() const { return sizes_->at(options_.texels_per_metre); }
+  [[nodiscard]] double texels_per_metre() const { return options_.texels_per_metre; }
 
   // Everything but finish(). `sky`: the image of the sky, already written.
   Status emit(pipeline::SceneSink& sink, const std::filesystem::path& sky) const;
@@ -98,12 +105,20 @@ class City {
   };
 
   [[nodiscard]] Geometry geometry(Geometry::Mode mode) const {
-    return Geometry(mode, options_.tessellate ? kTessellation : 0);
+    return Geometry(mode, {options_.tessellate ? kTessellation : 0, paints() ? options_.texels_per_metre : 0});
   }
+  [[nodiscard]] bool paints() const {
+    return !options_.tessellate && (options_.texels_per_metre > 0 || options_.texture_bytes > 0);
+  }
+  [[nodiscard]] Geometry counting() const;
+  [[nodiscard]] uint64_t texture_bytes_at(double texels_per_metre) const;
+  Status choose_texels();
   // What a geometry has that shines, and cages.
   void count_surfaces(CityCounts& counts, const Geometry& g) const;
   [[nodiscard]] uint64_t building_count() const { return options_.buildings.value_or(kUsualBuildings); }
-  City(const CityOptions& options, const Terrain& terrain) : options_(options), terrain_(terrain) {}
+  City(const CityOptions& options, const Terrain& terrain) : options_(options), terrain_(terrain) {
+    if (options_.tessellate) options_.texels_per_metre = 0, options_.texture_bytes = 0;
+  }
   std::optional<double> lay_out();
   Status furnish();
   static Result<City> plan_once(const CityOptions& options);
@@ -116,7 +131,7 @@ class City {
   void count_prototypes();
   void make_land(Geometry& g, int part) const;
   void count_land();
-  [[nodiscard]] BlockCounts count_block(size_t index);
+  [[nodiscard]] BlockCounts count_block(size_t index, FaceSizes& sizes);
   void cut_tiles();
   void emit_cameras(pipeline::SceneSink& sink) const;
   Status emit_prototypes(pipeline::SceneSink& sink, Objects& objects) const;
@@ -133,6 +148,7 @@ class City {
   std::vector<uint64_t> used_;  // how often each of the catalogue stands somewhere
   std::vector<Tile> tiles_;
   CityCounts counts_;
+  std::unique_ptr<FaceSizes> sizes_ = std::make_unique<FaceSizes>();  // of faces that can be painted, when they are
 };
 
 }  // namespace spillway::tools::city

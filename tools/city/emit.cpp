@@ -4,11 +4,14 @@
 #include <tbb/task_arena.h>
 
 #include <algorithm>
+#include <array>
 #include <memory>
 
+#include "cache/base/parallel.h"
 #include "tools/city/cage.h"
 #include "tools/city/city.h"
 #include "tools/city/ground.h"
+#include "tools/city/paint.h"
 #include "tools/city/random.h"
 #include "tools/city/waterfront.h"
 
@@ -76,7 +79,78 @@ Status add_cages(pipeline::SceneSink& sink, const Geometry& g, const Place& plac
   return {};
 }
 
-// The meshes of a geometry, one a surface, and its cages. Material ids are surface numbers.
+// ---- paint ----
+
+constexpr size_t kPaintBatchTexels = 2 << 20;  // painted at once by all threads
+
+std::vector<std::byte> texels_of(const Geometry& g, const PaintedMesh& mesh, const PaintedFace& face) {
+  const std::array<Float3, 4> corners = {mesh.positions[face.corners[0]], mesh.positions[face.corners[1]],
+                                         mesh.positions[face.corners[2]], mesh.positions[face.corners[3]]};
+  return painted_texels(face, corners, g.walls()[face.wall]);
+}
+
+Status add_texels(pipeline::SceneSink& sink, const Geometry& g, const PaintedMesh& mesh) {
+  for (size_t first = 0; first < mesh.faces.size();) {
+    size_t last = first;
+    for (size_t texels = 0; last < mesh.faces.size() && texels < kPaintBatchTexels; ++last)
+      texels += size_t{1} << (mesh.faces[last].size.ulog2 + mesh.faces[last].size.vlog2);
+    std::vector<std::vector<std::byte>> batch(last - first);
+    parallel_blocks(batch.size(), 8, [&](size_t, size_t begin, size_t end) {
+      for (size_t i = begin; i < end; ++i) batch[i] = texels_of(g, mesh, mesh.faces[first + i]);
+    });
+    SPILLWAY_TRY(sink.add_faces(batch));
+    first = last;
+  }
+  return {};
+}
+
+Result<MaterialId> add_painted_material(pipeline::SceneSink& sink, PaintGroup group, FaceTextureId paint,
+                                        const std::string& name) {
+  pipeline::TextureNode node;
+  node.kind = pipeline::TextureKind::face, node.image = paint.value;
+  for (float& v : node.value) v = 1;
+  SPILLWAY_ASSIGN(const TextureId texture, sink.add_texture(node));
+  pipeline::Material material = material_of(representative(group));
+  material.reflectance.texture = texture.value;
+  return sink.add_material(material, name);
+}
+
+Status add_painted_mesh(pipeline::SceneSink& sink, const PaintedMesh& mesh, MaterialId material,
+                        const std::string& name, uint32_t object) {
+  std::vector<uint32_t> indices;
+  std::vector<pipeline::TriangleFace> faces;
+  for (uint32_t f = 0; f < mesh.faces.size(); ++f) {
+    const auto& c = mesh.faces[f].corners;
+    indices.insert(indices.end(), {c[0], c[1], c[2]});
+    faces.push_back({f, {0, 1, 2}, false, c[3]});
+    if (mesh.faces[f].is_triangle()) continue;
+    indices.insert(indices.end(), {c[0], c[2], c[3]});
+    faces.push_back({f, {0, 2, 3}, false, c[1]});
+  }
+  pipeline::MeshInput input;
+  input.name = name, input.material = material, input.object = object;
+  input.positions = mesh.positions, input.indices = indices, input.faces = faces;
+  return sink.add_mesh(input);
+}
+
+Status add_painted(pipeline::SceneSink& sink, const Geometry& g, PaintGroup group, const Place& place) {
+  const PaintedMesh& mesh = g.painted(group);
+  if (mesh.faces.empty()) return {};
+  cache::FaceTexFormat format;
+  format.encoding = cache::FaceTexEncoding::srgb;
+  cache::FaceTextureShape shape;
+  shape.name = fmt::format("{}_{}", place.name, city::name(group));
+  for (const PaintedFace& face : mesh.faces)
+    shape.faces.push_back({.ulog2 = face.size.ulog2, .vlog2 = face.size.vlog2});
+  const std::string name = shape.name;
+  SPILLWAY_ASSIGN(const FaceTextureId paint, sink.begin_face_texture(format, std::move(shape)));
+  SPILLWAY_TRY(add_texels(sink, g, mesh));
+  SPILLWAY_ASSIGN(const MaterialId material, add_painted_material(sink, group, paint, name));
+  return add_painted_mesh(sink, mesh, material, name, place.object);
+}
+
+// The meshes of a geometry, one a surface and one for each group of what is painted, and its cages. Material ids are
+// surface numbers.
 Status add_geometry(pipeline::SceneSink& sink, const Geometry& g, const Place& place) {
   for (size_t s = 0; s < kSurfaceCount; ++s) {
     const auto surface = static_cast<Surface>(s);
@@ -84,6 +158,8 @@ Status add_geometry(pipeline::SceneSink& sink, const Geometry& g, const Place& p
     if (mesh.indices.empty()) continue;
     SPILLWAY_TRY(add_mesh(sink, input_of(place, surface), mesh));
   }
+  for (size_t group = 0; group < kPaintGroups; ++group)
+    SPILLWAY_TRY(add_painted(sink, g, static_cast<PaintGroup>(group), place));
   return add_cages(sink, g, place);
 }
 
@@ -128,8 +204,9 @@ void City::count_prototypes() {
   const std::vector<Prototype> all = catalogue(plan_options_.designs, build_options_);
   for (size_t i = 0; i < all.size(); ++i) {
     if (used_[i] == 0) continue;
-    Geometry g = geometry(Geometry::Mode::count);
+    Geometry g = counting();
     all[i].make(g);
+    if (g.face_sizes()) sizes_->add(*g.face_sizes());
     counts_.prototype_triangles += g.triangle_count();
     counts_.instances += used_[i], counts_.instanced_triangles += used_[i] * g.triangle_count();
     count_surfaces(counts_, g);
@@ -143,8 +220,9 @@ void City::make_land(Geometry& g, int part) const {
 
 void City::count_land() {
   for (int part = 0; part < kLandParts; ++part) {
-    Geometry g = geometry(Geometry::Mode::count);
+    Geometry g = counting();
     make_land(g, part);
+    if (g.face_sizes()) sizes_->add(*g.face_sizes());
     counts_.ground_triangles += g.triangle_count();
     count_surfaces(counts_, g);
   }

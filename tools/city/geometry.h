@@ -7,45 +7,16 @@
 
 #include <array>
 #include <cstdint>
+#include <memory>
 #include <vector>
 
 #include "cache/base/vec.h"
 #include "pipeline/pack/scene_sink.h"
+#include "tools/city/frame.h"
+#include "tools/city/painted_mesh.h"
 #include "tools/city/palette.h"
-#include "tools/city/polygon.h"
 
 namespace spillway::tools::city {
-
-struct Vec3 {
-  double x = 0, y = 0, z = 0;
-};
-inline Vec3 operator+(Vec3 a, Vec3 b) { return {a.x + b.x, a.y + b.y, a.z + b.z}; }
-inline Vec3 operator-(Vec3 a, Vec3 b) { return {a.x - b.x, a.y - b.y, a.z - b.z}; }
-inline Vec3 operator*(Vec3 a, double s) { return {a.x * s, a.y * s, a.z * s}; }
-inline double dot(Vec3 a, Vec3 b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
-inline Vec3 cross(Vec3 a, Vec3 b) { return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x}; }
-inline Vec3 normalize(Vec3 a) { return a * (1 / std::sqrt(dot(a, a))); }
-
-// A place and a heading.
-struct Frame {
-  Vec3 origin;
-  Vec2 x_axis{1, 0};
-
-  [[nodiscard]] Vec3 world(Vec3 local) const {
-    const Vec2 flat = x_axis * local.x + left_of(x_axis) * local.y;
-    return {origin.x + flat.x, origin.y + flat.y, origin.z + local.z};
-  }
-  [[nodiscard]] Float3 point(Vec3 local) const {
-    const Vec3 p = world(local);
-    return {static_cast<float>(p.x), static_cast<float>(p.y), static_cast<float>(p.z)};
-  }
-  // The same heading elsewhere.
-  [[nodiscard]] Frame at(Vec3 local) const { return {world(local), x_axis}; }
-  [[nodiscard]] Frame turned(double angle_rad) const {
-    const Vec2 d = direction_of(angle_rad);
-    return {origin, x_axis * d.x + left_of(x_axis) * d.y};
-  }
-};
 
 struct SurfaceMesh {
   std::vector<Float3> positions, normals;  // normals: empty, or one a position
@@ -66,9 +37,12 @@ struct Cage {
 class Geometry {
  public:
   enum class Mode { keep, count };
-  // tessellation: 0 when cages stay cages; else they count as the triangles of so many pieces an edge.
-  explicit Geometry(Mode mode = Mode::keep, uint32_t tessellation = 0)
-      : keeps_(mode == Mode::keep), tessellation_(tessellation) {}
+  struct Options {
+    uint32_t tessellation = 0;    // 0 when cages stay cages; else they count as the triangles of so many pieces an edge
+    double texels_per_metre = 0;  // 0: nothing is painted
+  };
+  explicit Geometry(Mode mode = Mode::keep) : Geometry(mode, Options()) {}
+  Geometry(Mode mode, const Options& options) : keeps_(mode == Mode::keep), options_(options) {}
 
   // Counter-clockwise seen from outside.
   void triangle(Surface surface, Float3 a, Float3 b, Float3 c);
@@ -77,6 +51,10 @@ class Geometry {
     quad(surface, frame.point(a), frame.point(b), frame.point(c), frame.point(d));
   }
   void add_cage(Cage cage);
+  // What is added until the next call is part of this wall. Returns the wall before, for back_to_wall.
+  uint32_t begin_wall(const WallGrid& wall);
+  void back_to_wall(uint32_t wall) { wall_ = wall; }
+  [[nodiscard]] WallGrid wall() const { return wall_ < walls_.size() ? walls_[wall_] : WallGrid(); }
   // Equal positions become one vertex. Of meshes without normals.
   void weld();
   // Normals: the mean of the faces at a vertex, by area. After weld().
@@ -87,16 +65,28 @@ class Geometry {
   [[nodiscard]] const std::vector<Cage>& cages() const { return cages_; }
   [[nodiscard]] uint64_t cage_count() const { return cage_count_; }
   [[nodiscard]] uint64_t cage_face_count() const { return cage_face_count_; }
-  [[nodiscard]] uint32_t tessellation() const { return tessellation_; }
+  [[nodiscard]] uint32_t tessellation() const { return options_.tessellation; }
+  // Without what is painted.
   [[nodiscard]] const SurfaceMesh& mesh(Surface surface) const { return meshes_[static_cast<size_t>(surface)]; }
+  [[nodiscard]] const PaintedMesh& painted(PaintGroup group) const { return painted_[static_cast<size_t>(group)]; }
+  [[nodiscard]] const std::vector<WallGrid>& walls() const { return walls_; }
+  // Of faces that can be painted, whether or not they are.
+  [[nodiscard]] const FaceSizes* face_sizes() const { return sizes_.get(); }
+  void count_faces() { sizes_ = std::make_unique<FaceSizes>(); }
 
  private:
+  bool paint(Surface surface, Float3 a, Float3 b, Float3 c, Float3 d);
+
   bool keeps_;
-  uint32_t tessellation_;
+  Options options_;
+  uint32_t wall_ = 0;
+  std::vector<WallGrid> walls_;
+  std::unique_ptr<FaceSizes> sizes_;
   uint64_t cage_count_ = 0, cage_face_count_ = 0;
   std::vector<Cage> cages_;
   std::array<uint64_t, kSurfaceCount> counts_{};
   std::array<SurfaceMesh, kSurfaceCount> meshes_;
+  std::array<PaintedMesh, kPaintGroups> painted_;
 };
 
 }  // namespace spillway::tools::city

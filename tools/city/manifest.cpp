@@ -39,6 +39,10 @@ std::string manifest_json(const City& city, const CityOptions& options) {
       {"cage_faces", c.cage_faces},
       {"instances", c.instances},
       {"predicted_store_bytes", city.predicted_store_bytes()},
+      {"texels_per_metre", city.texels_per_metre()},
+      {"painted_faces", city.painted().faces},
+      {"texels", city.painted().texels},
+      {"predicted_texture_bytes", city.predicted_texture_bytes()},
   };
   return pipeline::json_text(json) + "\n";
 }
@@ -50,10 +54,11 @@ std::string describe(const City& city) {
   return fmt::format(
       "{} buildings on {} blocks within {:.1f} km, {:.0f} triangles each; {} street lights, {} trees, {} cars\n"
       "{} unique triangles, {} more by {} instances, {} that emit light\n"
-      "as a store: about {:.2f} GiB of geometry\n",
+      "as a store: about {:.2f} GiB of geometry, {:.2f} GiB of textures ({} painted faces, {:.2f} texels a metre)\n",
       c.buildings, c.blocks, city.radius_m() / 1000, mean, c.street_lights, c.trees, c.cars, c.unique_triangles(),
       c.instanced_triangles, c.instances, c.light_triangles,
-      static_cast<double>(city.predicted_store_bytes()) / 0x1p30);
+      static_cast<double>(city.predicted_store_bytes()) / 0x1p30,
+      static_cast<double>(city.predicted_texture_bytes()) / 0x1p30, city.painted().faces, city.texels_per_metre());
 }
 
 }  // namespace spillway::tools::city

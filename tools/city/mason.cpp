@@ -14,7 +14,31 @@ bool Mason::is_party_wall(const Polygon& footprint, size_t edge) const {
   return edge == 1 || edge == 3;  // of a rectangle with a front and a yard
 }
 
+namespace {
+
+// Where windows are on such a facade, as facade.cpp puts them.
+WallGrid grid_of(const Wall& wall, Facade facade, const FacadeStyle& style, const WallGrid& building) {
+  WallGrid grid = building;
+  grid.frame = wall.frame, grid.width_m = wall.width_m, grid.floor_m = wall.floor_m;
+  grid.top_m = wall.floor_m * wall.floors;
+  const double bay = wall.width_m / std::max(1.0, std::round(wall.width_m / style.bay_m));
+  if (facade == Facade::punched)
+    grid.bay_m = bay, grid.half_window_m = bay * style.window_share / 2, grid.sill_m = wall.floor_m * style.sill_share,
+    grid.head_m = wall.floor_m * style.head_share;
+  if (facade == Facade::ribbon)
+    grid.bay_m = bay, grid.half_window_m = bay / 2, grid.sill_m = wall.floor_m * 0.36, grid.head_m = wall.floor_m;
+  return grid;
+}
+
+}  // namespace
+
 void Mason::facade(const Wall& wall, Facade facade) {
+  const uint32_t before = g.begin_wall(grid_of(wall, facade, style, g.wall()));
+  facade_on(wall, facade);
+  g.back_to_wall(before);
+}
+
+void Mason::facade_on(const Wall& wall, Facade facade) {
   const Random own(random.next());
   switch (facade) {
     case Facade::punched:

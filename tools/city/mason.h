@@ -24,6 +24,7 @@ struct Mason {
   // Facades on every edge; party walls are blank. Returns the height of the top.
   double storeys(const Polygon& footprint, double z0, int floors, double floor_m, Facade facade, bool party_walls);
   void facade(const Wall& wall, Facade facade);
+  void facade_on(const Wall& wall, Facade facade);  // its geometry
   // A roof with a parapet around it, and what stands on roofs.
   void flat_roof(const Polygon& footprint, double z0, double parapet_m, double clutter);
   void cornice(const Polygon& footprint, double z0, double out_m, double height_m, bool all_edges);

@@ -48,10 +48,16 @@ void build(Geometry& g, const Building& b, const Ground& ground, const BuildOpti
   style.level = level_of(b, options.detail, random);
   style.recess_m = random.between(0.12, 0.26);
   style.lighting = lighting_of(b, options.time, random);
+  WallGrid wall;  // of all that is no wall
+  wall.key = static_cast<uint32_t>(key_of(b.key, 0x9a17)), wall.base_z = ground.floor_z;
+  wall.frame = {{b.footprint[0].at.x, b.footprint[0].at.y, ground.floor_z},
+                normalize(b.footprint[1].at - b.footprint[0].at)};
+  const uint32_t before = g.begin_wall(wall);
   if (ground.floor_z > ground.foot_z)
     prism_sides(g, Surface::concrete_dark, b.footprint, ground.foot_z, ground.floor_z);
   Mason mason{g, b, style, random, ground.floor_z};
   kBuilders[static_cast<size_t>(b.kind)](mason);
+  g.back_to_wall(before);
 }
 
 }  // namespace spillway::tools::city

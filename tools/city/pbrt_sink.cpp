@@ -24,19 +24,26 @@ std::string roughness(const pipeline::Material& m) {
   return text;
 }
 
+// A colour, or the texture that has its place.
+std::string reflectance(const pipeline::Material& m) {
+  const pipeline::Param& p = m.reflectance;
+  return p.texture == TextureId::kNone ? rgb("reflectance", p.constant)
+                                       : fmt::format(" \"texture reflectance\" \"paint{}\"", p.texture);
+}
+
 // Of the kinds that the palette has.
 std::string parameters(const pipeline::Material& m) {
   switch (m.kind) {
     case MaterialKind::conductor:
-      return " \"string type\" \"conductor\"" + rgb("reflectance", m.reflectance.constant) + roughness(m);
+      return " \"string type\" \"conductor\"" + reflectance(m) + roughness(m);
     case MaterialKind::coated_diffuse:
-      return " \"string type\" \"coateddiffuse\"" + rgb("reflectance", m.reflectance.constant) + roughness(m) +
+      return " \"string type\" \"coateddiffuse\"" + reflectance(m) + roughness(m) +
              number("eta", m.eta);
     case MaterialKind::diffuse_transmission:
       return " \"string type\" \"diffusetransmission\"" + rgb("reflectance", m.reflectance.constant) +
              rgb("transmittance", m.transmittance.constant);
     default:
-      return " \"string type\" \"diffuse\"" + rgb("reflectance", m.reflectance.constant);
+      return " \"string type\" \"diffuse\"" + reflectance(m);
   }
 }
 
@@ -57,13 +64,28 @@ void put(std::vector<std::byte>& bytes, const T& value) {
   bytes.insert(bytes.end(), first, first + sizeof value);
 }
 
+size_t face_count(const pipeline::MeshInput& mesh) { return mesh.faces.back().face + size_t{1}; }
+
+// Faces as quads; of one that is a triangle the last corner is there twice.
+void put_faces(std::vector<std::byte>& bytes, const pipeline::MeshInput& mesh) {
+  for (size_t t = 0; t < mesh.faces.size(); ++t) {
+    const pipeline::TriangleFace& face = mesh.faces[t];
+    if (t > 0 && mesh.faces[t - 1].face == face.face) continue;
+    put(bytes, uint8_t{4});
+    for (size_t k = 0; k < 3; ++k) put(bytes, mesh.indices[3 * t + k]);
+    put(bytes, face.fourth_vertex);
+    put(bytes, face.face);
+  }
+}
+
 std::string ply_header(const pipeline::MeshInput& mesh) {
   std::string text = fmt::format("ply\nformat binary_little_endian 1.0\nelement vertex {}\n", mesh.positions.size());
   text += "property float x\nproperty float y\nproperty float z\n";
   if (!mesh.normals.empty()) text += "property float nx\nproperty float ny\nproperty float nz\n";
   if (!mesh.uvs.empty()) text += "property float u\nproperty float v\n";
-  return text +
-         fmt::format("element face {}\nproperty list uchar int vertex_indices\nend_header\n", mesh.indices.size() / 3);
+  text += fmt::format("element face {}\nproperty list uchar int vertex_indices\n",
+                      mesh.faces.empty() ? mesh.indices.size() / 3 : face_count(mesh));
+  return text + (mesh.faces.empty() ? "" : "property int face_indices\n") + "end_header\n";
 }
 
 std::vector<std::byte> ply_bytes(const pipeline::MeshInput& mesh) {
@@ -75,6 +97,10 @@ std::vector<std::byte> ply_bytes(const pipeline::MeshInput& mesh) {
     put(bytes, mesh.positions[i]);
     if (!mesh.normals.empty()) put(bytes, mesh.normals[i]);
     if (!mesh.uvs.empty()) put(bytes, mesh.uvs[i]);
+  }
+  if (!mesh.faces.empty()) {
+    put_faces(bytes, mesh);
+    return bytes;
   }
   for (size_t i = 0; i < mesh.indices.size(); i += 3) {
     put(bytes, uint8_t{3});
@@ -156,8 +182,31 @@ Result<ImageId> PbrtSink::add_image(const fs::path& file, cache::TexelEncoding) 
   return ImageId{static_cast<uint32_t>(images_.size() - 1)};
 }
 
-Result<TextureId> PbrtSink::add_texture(const pipeline::TextureNode&) {
-  return error("textures are not written as pbrt text");
+Result<TextureId> PbrtSink::add_texture(const pipeline::TextureNode& node) {
+  if (node.kind != pipeline::TextureKind::face) return error("only face textures are written as pbrt text");
+  const Painted& paint = face_textures_[node.image];
+  materials_ += fmt::format(
+      "Texture \"paint{}\" \"spectrum\" \"ptex\" \"string filename\" \"{}\" \"string texture\" \"{}\"\n", texture_count_,
+      paint.file, paint.name);
+  return TextureId{texture_count_++};
+}
+
+Result<FaceTextureId> PbrtSink::begin_face_texture(const cache::FaceTexFormat& format,
+                                                   cache::FaceTextureShape texture) {
+  constexpr uint64_t kContainerBytes = 256 << 20;
+  if (container_ && container_->written_bytes() >= kContainerBytes) {
+    SPILLWAY_TRY(container_->finish());
+    container_.reset();
+  }
+  if (!container_) {
+    std::error_code code;
+    fs::create_directories(folder_ / "textures", code);
+    const std::string name = fmt::format("textures/paint{:03}.facetex", container_count_++);
+    SPILLWAY_ASSIGN(container_, cache::FaceTexWriter::create(folder_ / name, format, cache::IoPurpose::scene));
+  }
+  face_textures_.push_back({fmt::format("textures/paint{:03}.facetex", container_count_ - 1), texture.name});
+  SPILLWAY_TRY(container_->begin_texture(std::move(texture)));
+  return FaceTextureId{static_cast<uint32_t>(face_textures_.size() - 1)};
 }
 
 Result<MaterialId> PbrtSink::add_material(const pipeline::Material& material, std::string name) {
@@ -247,6 +296,7 @@ Status PbrtSink::add_instance(uint32_t object, const Affine3& world_from_object)
 Status PbrtSink::finish() {
   SPILLWAY_TRY(close(geometry_));
   SPILLWAY_TRY(close(instances_));
+  if (container_) SPILLWAY_TRY(container_->finish());
   std::string objects;
   for (const Object& object : objects_)
     objects += fmt::format("ObjectBegin \"{}\"\n{}ObjectEnd\n", object.name, object.text);

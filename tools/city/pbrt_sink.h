@@ -1,10 +1,10 @@
 #pragma once
 
-// A scene sink that writes pbrt-v4's text and binary PLY files, without any extension but cages.
+// A scene sink that writes pbrt-v4's text and binary PLY files, without any extension but cages and .facetex files.
 //
-// Owns: the folder's files: materials.pbrt, objects.pbrt, geometry.pbrt, instances.pbrt, geometry/*.ply, and the main
-// file,
-//       which is written last, so that a scene that is half there does not look whole.
+// Owns: the folder's files: materials.pbrt, objects.pbrt, geometry.pbrt, instances.pbrt, geometry/*.ply,
+//       textures/*.facetex, and the main file, which is written last, so that a scene that is half there does not look
+//       whole.
 // Memory: one mesh's bytes; the text of the objects.
 // Threads: one caller.
 // Fails: the first error of the disk, with what had been written by then.
@@ -25,7 +25,11 @@ class PbrtSink final : public pipeline::SceneSink {
   static Result<std::unique_ptr<PbrtSink>> create(const std::filesystem::path& folder, const std::string& main_name);
 
   Result<ImageId> add_image(const std::filesystem::path& file, cache::TexelEncoding encoding) override;
+  // Of face textures alone.
   Result<TextureId> add_texture(const pipeline::TextureNode& node) override;
+  Result<FaceTextureId> begin_face_texture(const cache::FaceTexFormat& format, cache::FaceTextureShape texture) override;
+  Status add_face(std::span<const std::byte> texels) override { return container_->add_face(texels); }
+  Status add_faces(std::span<const std::vector<std::byte>> faces) override { return container_->add_faces(faces); }
   Result<MaterialId> add_material(const pipeline::Material& material, std::string name) override;
   Status add_light(const shading::Light& light) override;
   Status add_environment(const shading::Light& light, ImageId image) override;
@@ -53,6 +57,11 @@ class PbrtSink final : public pipeline::SceneSink {
     std::string name, text;
   };
 
+  // Of one texture: where it is.
+  struct Painted {
+    std::string file, name;
+  };
+
   PbrtSink() = default;
   Status append(Text& text, const std::string& line);
   Status close(Text& text);
@@ -67,6 +76,9 @@ class PbrtSink final : public pipeline::SceneSink {
   std::string main_name_, materials_, lights_;
   std::vector<std::string> images_, material_names_;
   std::vector<Object> objects_;
+  std::vector<Painted> face_textures_;
+  uint32_t texture_count_ = 0, container_count_ = 0;
+  std::unique_ptr<cache::FaceTexWriter> container_;  // the last one
   Text geometry_, instances_;
   pipeline::SceneSettings settings_;
   uint32_t first_frame_ = 1;

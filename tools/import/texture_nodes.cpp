@@ -147,7 +147,8 @@ Result<TextureNode> TextureTable::face_node(TextureValue value, const Definition
   if (file == nullptr) return error_at(definition.place, "ptex without \"string filename\"");
   SPILLWAY_TRY(expect_count(*file, file->strings.size(), 1));
   SPILLWAY_ASSIGN(const pipeline::TexelCurve curve, read_curve(params));
-  const Result<FaceTextureId> id = session_.sink.add_face_texture(session_.resolved(file->strings[0]), curve);
+  SPILLWAY_ASSIGN(const std::string name, params.string("texture", ""));  // of a .facetex file of several
+  const Result<FaceTextureId> id = session_.sink.add_face_texture(session_.resolved(file->strings[0]), curve, name);
   if (!id) return error_at(file->place, "{}", id.error().message);
   node.image = id->value;
   return node;
