@@ -216,7 +216,7 @@ void spread_cone(PathRecord& path, float pdf_solid_angle) {
   path.cone_spread = std::max(path.cone_spread, 0.5f / std::sqrt(std::max(1.0f, pdf_solid_angle)));
 }
 
-void next_direction(const HitRecord& hit, const ShadingPoint& point, const SurfaceValues& surface,
+void next_direction(const PathSettings& settings, const HitRecord& hit, const ShadingPoint& point, const SurfaceValues& surface,
                     const shading::LightReceiver& receiver, const shading::Frame& frame, Float3 w_prev_local,
                     const shading::BouncePoints& points, ShadedVertex& out) {
   const Float2 choose = points[shading::kBounceLobeAndRoulette];
@@ -256,7 +256,7 @@ ShadedVertex shade_vertex(const PathSettings& settings, const HitRecord& hit, co
   const shading::BouncePoints points =
       shading::sample_bounce(sample_key(hit.path, settings.seed, settings.sampler), hit.path.bounce);
   next_event(settings, hit, point, surface, receiver, frame, w_prev_local, points, out);
-  next_direction(hit, point, surface, receiver, frame, w_prev_local, points, out);
+  next_direction(settings, hit, point, surface, receiver, frame, w_prev_local, points, out);
   return out;
 }
 
