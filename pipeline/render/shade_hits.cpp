@@ -133,8 +133,9 @@ class Shader {
     }
   }
 
-  // What the batch will ask of face textures, read in the order of the file.
+  // What the batch will ask of face textures, read in the order of the file. Places in media have none, nor attributes.
   Status stage_face_textures(std::span<const HitRecord> hits, std::span<const std::byte> bytes) {
+    if (hits.front().hit.prim == kMediumPrim) return {};
     std::array<std::vector<cache::FaceTextureRequest>, kBatchHits / kBlockHits> of_block;
     parallel_blocks(hits.size(), kBlockHits, [&](size_t b, size_t first, size_t last) {
       BlockScratch& scratch = scratches_.local();
