@@ -155,7 +155,9 @@ void cost_of_a_selection(const Store& store, const std::vector<Float3>& receiver
   for (const auto& [name, selection] : {std::pair{"tree", LightSelection::tree},
                                         {"power", LightSelection::power},
                                         {"uniform", LightSelection::uniform}}) {
-    const SelectedLights selected(store, selection);
+    RenderSettings settings;
+    settings.light_selection = selection;
+    const SelectedLights selected(store, settings);
     Random random(2);
     constexpr int kPicks = 400000;
     double best = 1e30;
@@ -172,7 +174,7 @@ void cost_of_a_selection(const Store& store, const std::vector<Float3>& receiver
 
 Status run(const Arguments& arguments) {
   SPILLWAY_ASSIGN(const Store store, Store::open(arguments.store));
-  const SelectedLights selected(store, LightSelection::tree);
+  const SelectedLights selected(store, RenderSettings{});
   const shading::LightTable& lights = selected.table();
   if (lights.tree.empty()) return error("{}: has so few lights that there is no tree", arguments.store.string());
   SPILLWAY_ASSIGN(const auto tracer, test::kernel_tracer(store));

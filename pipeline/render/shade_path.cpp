@@ -164,8 +164,8 @@ cache::TraceRay shadow_ray(Float3 origin, const shading::LightSample& sample, fl
 
 // Who receives light here, as a tree sees it: a normal on the side that the path came from, where light of the other
 // side is lost. Scenes without a tree do not ask.
-shading::LightReceiver light_receiver(const PathSettings& settings, const ShadingPoint& point, const SurfaceValues& surface,
-                                      const shading::Frame& frame, Float3 w_prev_local) {
+shading::LightReceiver light_receiver(const PathSettings& settings, const ShadingPoint& point,
+                                      const SurfaceValues& surface, const shading::Frame& frame, Float3 w_prev_local) {
   if (settings.lights.tree.empty() || shading::transmits(surface.bsdf)) return {point.position, 0};
   return {point.position, shading::pack_receiver_normal(w_prev_local.z < 0 ? -frame.z : frame.z)};
 }
@@ -187,7 +187,8 @@ void next_event(const PathSettings& settings, const HitRecord& hit, const Shadin
       shading::ray_origin(point.position, point.normal_geometric, light.w_next_world, point.apart_world);
   out.shadow_ray = shadow_ray(origin, light, point.time);
   if (!(out.shadow_ray.t_max > 0)) return;
-  out.shadow = {hit.path.sink, hit.path.sample, medium_beyond(point, light.w_next_world), hit.path.bounce, contribution};
+  out.shadow = {hit.path.sink, hit.path.sample, medium_beyond(point, light.w_next_world), hit.path.bounce,
+                contribution};
   out.has_shadow = true;
 }
 
@@ -334,7 +335,13 @@ bool stopped_by_alpha(const HitRecord& hit, uint32_t seed, float alpha) {
 cache::TraceRay ray_beyond(const HitRecord& hit, const ShadingPoint& point) {
   const Float3 origin =
       shading::ray_origin(point.position, point.normal_geometric, hit.direction_world, point.apart_world);
-  return {origin, hit.t_max - hit.hit.t, hit.direction_world, point.time};
+  const float rest = hit.t_max - hit.hit.t;
+  if (!std::isfinite(rest)) return {origin, rest, hit.direction_world, point.time};
+  // The end stays where it was, just before the light: moved with the origin, it would lie behind it.
+  constexpr float kRoundings = 4 * 0x1p-24f;
+  const Float3 to_end = point.position + hit.direction_world * rest - origin;
+  if (!(dot(to_end, hit.direction_world) > 0)) return {origin, 0, hit.direction_world, point.time};
+  return {origin, 1 - kRoundings, to_end, point.time};
 }
 
 }  // namespace spillway::pipeline

@@ -19,6 +19,7 @@ Mitsuba's images have their first row at v = 0, pbrt's at v = 1: the texture is 
 
 import argparse
 import pathlib
+import re
 import struct
 import zlib
 
@@ -158,6 +159,67 @@ SCENES = {
 }
 
 
+# ---- lights in number, and media ----
+
+def text_of(name):
+    return (FOLDER / f"{name}.pbrt").read_text()
+
+
+def many_lamps():
+    """Forty rows of 25: instances in the other text, panels here, where each is found in the object's meshes."""
+    scene = {"floor": FLOOR, "block": cube(BLOCK, GREY), "sensor": sensor()}
+    text = text_of("many_lamps")
+    meshes = re.findall(r'"rgb L" \[([^]]*)\]\nShape "trianglemesh" "point3 P" \[([^]]*)\]', text)
+    rows = re.findall(r"Translate ([^O]*) ObjectInstance", text)
+    for i, row in enumerate(rows):
+        for j, (radiance, points) in enumerate(meshes):
+            corners = np.array(points.split(), dtype=float).reshape(-1, 4, 3)
+            for k, center in enumerate(corners.mean(axis=1)):
+                half = np.abs(corners[k] - center).max(axis=0)
+                scene[f"lamp_{i}_{j}_{k}"] = rectangle(
+                    T().translate(list(np.array(row.split(), dtype=float) + center)) @ T().rotate([1, 0, 0], 180) @
+                    T().scale([half[0], half[1], 1]), bsdf=BLACK,
+                    emitter={"type": "area", "radiance": rgb(*map(float, radiance.split()))})
+    return scene
+
+
+def gas(name):
+    """The medium of a uniform grid, from the other text; its outermost cells are empty, where the two models differ."""
+    text = text_of(name)
+
+    def numbers(parameter):
+        return np.array(re.search(rf'"{parameter}" \[?([^]"\n]*(?:\n[^]"]*)?)', text).group(1).split(), dtype=float)
+
+    scattered, absorbed = numbers("rgb sigma_s"), numbers("rgb sigma_a")
+    density = numbers("float density").reshape(6, 6, 6, 1)
+    lower, upper = numbers("point3 p0"), numbers("point3 p1")
+    extinction = (scattered + absorbed) / max(scattered + absorbed)
+    return {"type": "heterogeneous", "scale": max(scattered + absorbed),
+            "albedo": {"type": "constvolume", "value": rgb(*(scattered / (scattered + absorbed)))},
+            "phase": {"type": "hg", "g": numbers("float g")[0]},
+            "sigma_t": {"type": "gridvolume", "grid": mi.VolumeGrid((density * extinction).astype(np.float32)), "raw": True,
+                        "to_world": T().translate(list(lower)) @ T().scale(list(upper - lower))}}
+
+
+NOTHING = {"type": "null"}
+SCENES |= {
+    "many_lamps": many_lamps(),
+    "fog": {"floor": FLOOR, "panel": PANEL, "sensor": sensor(),
+            "bulb": {"type": "sphere", "center": [-0.8, -0.3, 1.2], "radius": 0.25, "bsdf": BLACK,
+                     "emitter": {"type": "area", "radiance": rgb(6, 9, 12)}},
+            "fog": {**cube(T().translate([0, 0, 1.05]) @ T().scale([2.5, 2, 1]), NOTHING), "interior": {
+                "type": "homogeneous", "sigma_t": rgb(0.42, 0.33, 0.25), "phase": {"type": "hg", "g": 0.4},
+                "albedo": rgb(0.4 / 0.42, 0.3 / 0.33, 0.2 / 0.25)}},
+            "block": cube(T().translate([0.6, 0.3, 0.5]) @ T().rotate([0, 0, 1], 30) @ T().scale([0.4, 0.4, 0.4]), GREY)},
+    "smoke": {"floor": FLOOR, "panel": PANEL, "sensor": sensor(),
+              "smoke": {**cube(T().translate([0, 0, 1.3]) @ T().scale([1.2, 1.2, 1.2]), NOTHING), "interior": gas("smoke")}},
+    "cloud_in_glass": {"floor": FLOOR, "sky": SKY, "sensor": sensor(),
+                       "ball": {"type": "sphere", "center": [0, 0, 1.3], "radius": 1, "interior": gas("cloud_in_glass"),
+                                "bsdf": {"type": "dielectric", "int_ior": 1.5, "ext_ior": 1.0}}},
+}
+WITH_MEDIA = {"fog", "smoke", "cloud_in_glass"}
+
+
 def write_stripes(path):
     """An 8-bit sRGB image of 4 x 3 texels, no two alike."""
     rows = [[(20 + 60 * x, 230 - 70 * y, 40 + 50 * ((x + 2 * y) % 4)) for x in range(4)] for y in range(3)]
@@ -180,8 +242,8 @@ def write_picture(path, halves, samples):
     OpenEXR.File(header, channels).write(str(path))
 
 
-def image_of(scene, samples, seed):
-    scene = mi.load_dict({"type": "scene", "integrator": {"type": "path", "max_depth": 65}, **scene})
+def image_of(scene, samples, seed, integrator="path"):
+    scene = mi.load_dict({"type": "scene", "integrator": {"type": integrator, "max_depth": 65}, **scene})
     return np.array(mi.render(scene, spp=samples, seed=seed), dtype=np.float64)
 
 
@@ -203,7 +265,8 @@ def main():
         if name in SHUTTER:
             halves = [moving_half(name, half, arguments.samples // 2) for half in (0, 1)]
         else:
-            images = [image_of(SCENES[name], arguments.samples // SEEDS, seed) for seed in range(SEEDS)]
+            integrator = "volpath" if name in WITH_MEDIA else "path"
+            images = [image_of(SCENES[name], arguments.samples // SEEDS, seed, integrator) for seed in range(SEEDS)]
             halves = [np.mean(images[::2], axis=0), np.mean(images[1::2], axis=0)]
         write_picture(FOLDER.parent / "images" / f"{name}.exr", halves, arguments.samples)
         print(f"{name}: mean {np.mean(halves):.6f}")
