@@ -313,11 +313,12 @@ void City::cut_tiles() {
 
 uint64_t City::predicted_store_bytes() const {
   // Measured on cities of 6,000 buildings by day and by night: pages 58.1 and attribute blocks 19.6 bytes a triangle,
-  // the manifest's rows of instances and lights 165 and 85.
-  constexpr double kPerTriangle = 77.7, kPerInstance = 165, kPerLight = 85;
+  // the manifest's rows of instances and lights 165 and 85; a painted face adds 33 to the attributes.
+  constexpr double kPerTriangle = 77.7, kPerInstance = 165, kPerLight = 85, kPerPainted = 33;
   return static_cast<uint64_t>(static_cast<double>(counts_.unique_triangles()) * kPerTriangle +
                                static_cast<double>(counts_.instances) * kPerInstance +
-                               static_cast<double>(counts_.light_triangles) * kPerLight);
+                               static_cast<double>(counts_.light_triangles) * kPerLight +
+                               static_cast<double>(painted().faces) * kPerPainted);
 }
 
 uint64_t City::texture_bytes_at(double texels_per_metre) const {
