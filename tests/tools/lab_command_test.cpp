@@ -66,6 +66,18 @@ std::vector<std::vector<std::string>> table(const std::string& csv) {
   return rows;
 }
 
+// The page without the letters that its pictures are written in: they may spell anything.
+std::string without_pictures(const std::string& page) {
+  const std::string begin = "data:image/png;base64,";
+  std::string rest;
+  size_t from = 0;
+  for (size_t at; (at = page.find(begin, from)) != std::string::npos; from = page.find('"', at)) {
+    rest += page.substr(from, at - from);
+    if (page.find('"', at) == std::string::npos) return rest;
+  }
+  return rest + page.substr(from);
+}
+
 TEST_F(LabCommand, all_axes_of_a_scene_become_one_page_that_needs_no_other) {
   const Ended ended = lab(courtyard_ + small_);
   ASSERT_EQ(ended.code, 0) << ended.said;
@@ -77,8 +89,9 @@ TEST_F(LabCommand, all_axes_of_a_scene_become_one_page_that_needs_no_other) {
         "efficiency", "data:image/png;base64,", "<svg", "have the same bits"})
     EXPECT_NE(page.find(part), std::string::npos) << part;
   // Nothing is loaded from elsewhere, nothing runs.
+  const std::string read = without_pictures(page);
   for (const char* part : {"<script", "src=\"http", "href=\"http", "@import", "url(", "nan", "DEFECT"})
-    EXPECT_EQ(page.find(part), std::string::npos) << part;
+    EXPECT_EQ(read.find(part), std::string::npos) << part;
   for (const auto& entry : fs::recursive_directory_iterator(folder_ / "out"))
     EXPECT_EQ(entry.path().string().find(".tmp"), std::string::npos) << entry.path();
 }

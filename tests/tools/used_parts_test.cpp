@@ -44,6 +44,8 @@ const std::string kAlways =
 const std::string kLamp = " tables.emitters tables.emissions";  // a mesh that emits
 const std::string kLight = " tables.lights";                    // any other light
 const std::string kImage = " caches.image_tiles tables.images tables.textures";
+const std::string kGas = " stages.track_media tables.media";
+const std::string kGrid = " caches.bricks tables.bricks";  // of a medium that differs from place to place
 
 constexpr const char* kView =
     "LookAt 2 2 5 0 0 0 0 1 0 Camera \"perspective\" \"float fov\" 40\nFilm \"rgb\" \"integer xresolution\" 24 "
@@ -102,7 +104,11 @@ TEST_F(UsedParts, of_the_twins) {
                                                       {"spot", kLight},
                                                       {"sun", kLight},
                                                       {"texture", kLamp + kLight + kImage},
-                                                      {"thin_glass", kLamp + kLight}};
+                                                      {"thin_glass", kLamp + kLight},
+                                                      {"many_lamps", kLamp + " tables.instances tables.light_tree"},
+                                                      {"fog", kLamp + kGas + " stages.let_through tables.light_tree"},
+                                                      {"smoke", kLamp + kGas + kGrid + " stages.let_through"},
+                                                      {"cloud_in_glass", kLight + kGas + kGrid}};
   std::set<std::string> twins, listed;
   for (const auto& entry : fs::directory_iterator(kTwins))
     if (entry.path().extension() == ".pbrt") twins.insert(entry.path().stem());
