@@ -50,7 +50,7 @@ class Bench:
         store = os.path.join(folder, 'city.store')
         if not os.path.exists(os.path.join(store, 'manifest.spw')):
             self.run(self.arguments.spillway, 'city', '-o', folder, '--buildings', buildings, '--camera', camera,
-                     '--format', 'store', '--memory', '2GiB', '-q', *more)
+                     '--format', 'store', '--memory', '2GiB', '--texels-per-metre', 0, '-q', *more)
         return store
 
     def render(self, store, *more, spp=None, log=None):
