@@ -137,6 +137,27 @@ std::string bytes_of(const fs::path& file) {
   return {std::istreambuf_iterator<char>(stream), {}};
 }
 
+TEST(CityEmit, text_refuses_what_it_would_leave_out) {
+  const test::TemporaryDirectory folder;
+  auto sink = PbrtSink::create(folder.path(), "city");
+  ASSERT_TRUE(sink) << sink.error().message;
+  pipeline::Material glass, bumpy, rough, plain;
+  glass.kind = pipeline::MaterialKind::dielectric;
+  bumpy.displacement = 0, rough.kind = pipeline::MaterialKind::coated_diffuse, rough.u_roughness.texture = 0;
+  for (const pipeline::Material& material : {glass, bumpy, rough}) EXPECT_FALSE((*sink)->add_material(material, "wall"));
+  const auto wall = (*sink)->add_material(plain, "wall");
+  ASSERT_TRUE(wall);
+  pipeline::MeshInput masked, reversed, both_sides, fog;
+  masked.alpha = TextureId{0}, reversed.flip_normals = true, fog.divides_media = true;
+  both_sides.emits = both_sides.emits_two_sided = true;
+  for (pipeline::MeshInput* mesh : {&masked, &reversed, &both_sides, &fog}) {
+    mesh->name = "leaf", mesh->material = *wall;
+    const Status refused = (*sink)->add_mesh(*mesh);
+    ASSERT_FALSE(refused);
+    EXPECT_NE(refused.error().message.find("leaf"), std::string::npos) << refused.error().message;
+  }
+}
+
 TEST(CityEmit, text_and_store_hold_the_same_scene) {
   const test::TemporaryDirectory folder;
   const City city = planned(small_city());

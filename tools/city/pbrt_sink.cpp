@@ -37,14 +37,49 @@ std::string parameters(const pipeline::Material& m) {
     case MaterialKind::conductor:
       return " \"string type\" \"conductor\"" + reflectance(m) + roughness(m);
     case MaterialKind::coated_diffuse:
-      return " \"string type\" \"coateddiffuse\"" + reflectance(m) + roughness(m) +
-             number("eta", m.eta);
+      return " \"string type\" \"coateddiffuse\"" + reflectance(m) + roughness(m) + number("eta", m.eta);
     case MaterialKind::diffuse_transmission:
       return " \"string type\" \"diffusetransmission\"" + rgb("reflectance", m.reflectance.constant) +
              rgb("transmittance", m.transmittance.constant);
     default:
       return " \"string type\" \"diffuse\"" + reflectance(m);
   }
+}
+
+bool is_textured(std::initializer_list<const pipeline::Param*> parameters) {
+  return std::any_of(parameters.begin(), parameters.end(),
+                     [](const auto* p) { return p->texture != TextureId::kNone; });
+}
+
+// What parameters() would leave out; nothing of what cities are made of.
+Status check_written(const pipeline::Material& m, const std::string& name) {
+  const bool known = m.kind == MaterialKind::diffuse || m.kind == MaterialKind::coated_diffuse ||
+                     m.kind == MaterialKind::diffuse_transmission ||
+                     (m.kind == MaterialKind::conductor && m.uses_reflectance);
+  if (!known) return error("material {}: its kind is not written as pbrt text", name);
+  if (is_textured({&m.u_roughness, &m.v_roughness, &m.transmittance}) ||
+      (m.kind == MaterialKind::diffuse_transmission && is_textured({&m.reflectance})))
+    return error("material {}: only textures of a diffuse, coated or metal reflectance are written as pbrt text", name);
+  if (m.displacement != TextureId::kNone || m.normal_map != TextureId::kNone)
+    return error("material {}: bump and normal maps are not written as pbrt text", name);
+  return {};
+}
+
+Status check_written(const pipeline::MeshInput& mesh) {
+  if (mesh.alpha.value != TextureId::kNone) return error("{}: masks are not written as pbrt text", mesh.name);
+  if (mesh.flip_normals) return error("{}: reversed normals are not written as pbrt text", mesh.name);
+  if (mesh.emits && mesh.emits_two_sided)
+    return error("{}: light of both sides is not written as pbrt text", mesh.name);
+  if (mesh.divides_media) return error("{}: media are not written as pbrt text", mesh.name);
+  return {};
+}
+
+Status check_written(const pipeline::SubdivisionInput& s) {
+  if (!s.sharp_vertices.empty() || s.displacement.value != TextureId::kNone || !s.cage.uvs.empty() ||
+      s.boundary != pipeline::BoundaryRule::edges_and_corners)
+    return error("{}: sharp vertices, displacement, uvs and other rules of cages are not written as pbrt text",
+                 s.cage.name);
+  return {};
 }
 
 void close_descriptor(int descriptor) { close(descriptor); }
@@ -185,9 +220,9 @@ Result<ImageId> PbrtSink::add_image(const fs::path& file, cache::TexelEncoding) 
 Result<TextureId> PbrtSink::add_texture(const pipeline::TextureNode& node) {
   if (node.kind != pipeline::TextureKind::face) return error("only face textures are written as pbrt text");
   const Painted& paint = face_textures_[node.image];
-  materials_ += fmt::format(
-      "Texture \"paint{}\" \"spectrum\" \"ptex\" \"string filename\" \"{}\" \"string texture\" \"{}\"\n", texture_count_,
-      paint.file, paint.name);
+  materials_ +=
+      fmt::format("Texture \"paint{}\" \"spectrum\" \"ptex\" \"string filename\" \"{}\" \"string texture\" \"{}\"\n",
+                  texture_count_, paint.file, paint.name);
   return TextureId{texture_count_++};
 }
 
@@ -210,6 +245,7 @@ Result<FaceTextureId> PbrtSink::begin_face_texture(const cache::FaceTexFormat& f
 }
 
 Result<MaterialId> PbrtSink::add_material(const pipeline::Material& material, std::string name) {
+  SPILLWAY_TRY(check_written(material, name));
   materials_ += fmt::format("MakeNamedMaterial \"{}\"{}\n", name, parameters(material));
   material_names_.push_back(std::move(name));
   return MaterialId{static_cast<uint32_t>(material_names_.size() - 1)};
@@ -257,6 +293,7 @@ Status PbrtSink::sync_folder() const {
 }
 
 Status PbrtSink::add_mesh(const pipeline::MeshInput& mesh) {
+  SPILLWAY_TRY(check_written(mesh));
   const std::string name = "geometry/" + mesh.name + ".ply";
   const Status written = write_ply(name, mesh);
   if (!written) return with_progress(written.error());
@@ -264,6 +301,8 @@ Status PbrtSink::add_mesh(const pipeline::MeshInput& mesh) {
 }
 
 Status PbrtSink::add_subdivision(const pipeline::SubdivisionInput& s) {
+  SPILLWAY_TRY(check_written(s.cage));
+  SPILLWAY_TRY(check_written(s));
   std::string text = "Shape \"subdivmesh\" \"point3 P\" [";
   for (const Float3 p : s.cage.positions) text += fmt::format(" {} {} {}", p.x, p.y, p.z);
   text += fmt::format(" ]\n  \"integer indices\" [ {} ]", fmt::join(s.cage.indices, " "));
