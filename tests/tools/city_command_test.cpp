@@ -1,14 +1,11 @@
 // `spillway city` as people use it: what it leaves behind, what it refuses.
 
 #include <gtest/gtest.h>
-#include <sys/wait.h>
-
-#include <array>
-#include <cstdio>
 #include <filesystem>
 #include <fstream>
 #include <nlohmann/json.hpp>
 
+#include "tests/support/run_command.h"
 #include "tests/support/small_scene.h"
 
 namespace spillway::tools {
@@ -16,21 +13,12 @@ namespace {
 
 namespace fs = std::filesystem;
 
-struct Ended {
-  int code = -1;
-  std::string said;
-};
+using test::Ended;
 
 class CityCommand : public testing::Test {
  protected:
   Ended spillway(const std::string& arguments) {
-    Ended ended;
-    FILE* pipe = popen(("cd " + folder_.string() + " && " SPILLWAY_PROGRAM " " + arguments + " 2>&1").c_str(), "r");
-    std::array<char, 4096> buffer;
-    while (const size_t got = fread(buffer.data(), 1, buffer.size(), pipe)) ended.said.append(buffer.data(), got);
-    const int status = pclose(pipe);
-    ended.code = WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
-    return ended;
+    return test::run_command("cd " + folder_.string() + " && " SPILLWAY_PROGRAM " " + arguments);
   }
   void expect_refused(const std::string& arguments, const std::string& part, int code = 3) {
     const Ended ended = spillway("city -o refused " + arguments);

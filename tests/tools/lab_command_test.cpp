@@ -1,15 +1,12 @@
 // `spillway lab` as people use it, at a small size: the page, its numbers, and what is refused.
 
 #include <gtest/gtest.h>
-#include <sys/wait.h>
-
-#include <array>
-#include <cstdio>
 #include <filesystem>
 #include <fstream>
 #include <map>
 #include <sstream>
 
+#include "tests/support/run_command.h"
 #include "tests/support/small_scene.h"
 #include "tools/metrics/picture.h"
 
@@ -18,22 +15,12 @@ namespace {
 
 namespace fs = std::filesystem;
 
-struct Ended {
-  int code = -1;
-  std::string said;
-};
+using test::Ended;
 
 class LabCommand : public testing::Test {
  protected:
   Ended lab(const std::string& arguments) const {
-    const std::string command = "cd " + folder_.string() + " && " SPILLWAY_PROGRAM " lab " + arguments + " 2>&1";
-    Ended ended;
-    FILE* pipe = popen(command.c_str(), "r");
-    std::array<char, 4096> buffer;
-    while (const size_t got = fread(buffer.data(), 1, buffer.size(), pipe)) ended.said.append(buffer.data(), got);
-    const int status = pclose(pipe);
-    ended.code = WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
-    return ended;
+    return test::run_command("cd " + folder_.string() + " && " SPILLWAY_PROGRAM " lab " + arguments);
   }
   [[nodiscard]] std::string text(const std::string& name) const {
     std::ifstream file(folder_ / name, std::ios::binary);

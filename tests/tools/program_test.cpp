@@ -2,14 +2,12 @@
 
 #include <OpenImageIO/imageio.h>
 #include <gtest/gtest.h>
-#include <sys/wait.h>
-
-#include <array>
 #include <cstdio>
 #include <filesystem>
 #include <fstream>
 #include <nlohmann/json.hpp>
 
+#include "tests/support/run_command.h"
 #include "tests/support/small_scene.h"
 
 namespace spillway::tools {
@@ -17,20 +15,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
-struct Ended {
-  int code = -1;
-  std::string said;  // stdout and stderr
-};
-
-Ended run(const std::string& command) {
-  Ended ended;
-  FILE* pipe = popen((command + " 2>&1").c_str(), "r");
-  std::array<char, 4096> buffer;
-  while (const size_t got = fread(buffer.data(), 1, buffer.size(), pipe)) ended.said.append(buffer.data(), got);
-  const int status = pclose(pipe);
-  ended.code = WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
-  return ended;
-}
+using test::Ended;
+using test::run_command;
 
 constexpr std::string_view kScene = R"(LookAt 0 0 5  0 0 0  0 1 0
 Camera "perspective" "float fov" 40
@@ -43,7 +29,7 @@ Shape "trianglemesh" "point3 P" [-1 3 -1  1 3 -1  1 3 1  -1 3 1] "integer indice
 
 class ProgramTest : public testing::Test {
  protected:
-  Ended spillway(const std::string& arguments) { return run("cd " + folder_.string() + " && " SPILLWAY_PROGRAM " " + arguments); }
+  Ended spillway(const std::string& arguments) { return run_command("cd " + folder_.string() + " && " SPILLWAY_PROGRAM " " + arguments); }
   // Renders what follows WorldBegin in kScene.
   Ended render(const std::string& body, const std::string& more = "") {
     write("scene.pbrt", std::string(kScene) + body);
@@ -282,7 +268,7 @@ constexpr const char* kLimit = "ulimit -v 3000000; ";
 TEST_F(ProgramTest, a_word_and_a_string_of_four_gigabytes_are_refused_at_their_place) {
   for (const auto& [opening, message] : {std::pair{"WorldBegin\\n  Shape \"", "scene.pbrt:2:9: string of more than 65536 bytes"},
                                          std::pair{"WorldBegin\\n  ", "scene.pbrt:2:3: word of more than 65536 bytes"}}) {
-    const Ended ended = run(fmt::format(
+    const Ended ended = run_command(fmt::format(
         "{{ cd {}; rm -f scene.pbrt; mkfifo scene.pbrt\n"
         "(printf '{}'; yes aaaaaaaa | tr -d '\\n' | head -c 4294967296) 2>/dev/null >scene.pbrt &\n"
         "({}" SPILLWAY_PROGRAM " render scene.pbrt -o out.exr --memory 256MiB); status=$?; kill $! 2>/dev/null; exit $status; }}",
@@ -313,7 +299,7 @@ TEST_F(ProgramTest, a_full_scratch_disk_stops_the_render_and_says_how_much_was_n
 // A limit on the size of files stands for a full disk: the same error comes back from a write.
 TEST_F(ProgramTest, a_disk_that_fills_while_packing_leaves_nothing_that_looks_whole) {
   const int blocks = 1024;  // of 1 KiB, less than the pages of the courtyard
-  const Ended full = run("cd " + folder_.string() + " && bash -c 'ulimit -f " + std::to_string(blocks) + "; " SPILLWAY_PROGRAM
+  const Ended full = run_command("cd " + folder_.string() + " && bash -c 'ulimit -f " + std::to_string(blocks) + "; " SPILLWAY_PROGRAM
                          " pack " + courtyard_ + " -o c.store'");
   EXPECT_EQ(full.code, 3) << full.said;
   EXPECT_NE(full.said.find("disk is full"), std::string::npos) << full.said;
@@ -362,7 +348,7 @@ TEST_F(ProgramTest, damage_is_named_by_file_and_page) {
 
 TEST_F(ProgramTest, an_interrupt_leaves_a_picture_of_whole_samples) {
   ASSERT_EQ(spillway("pack " + courtyard_ + " -o c.store -q").code, 0);
-  const Ended stopped = run("cd " + folder_.string() + " && timeout --preserve-status -s INT 2 " SPILLWAY_PROGRAM
+  const Ended stopped = run_command("cd " + folder_.string() + " && timeout --preserve-status -s INT 2 " SPILLWAY_PROGRAM
                             " render c.store -o out.exr --resolution 160x90 --spp 100000 --threads 1 --report r.json");
   ASSERT_EQ(stopped.code, 130) << stopped.said;
   std::ifstream report_file(folder_ / "r.json");

@@ -3,14 +3,11 @@
 #include "tools/render_frames.h"
 
 #include <gtest/gtest.h>
-#include <sys/wait.h>
-
-#include <array>
-#include <cstdio>
 #include <filesystem>
 #include <fstream>
 #include <nlohmann/json.hpp>
 
+#include "tests/support/run_command.h"
 #include "tests/support/small_scene.h"
 
 namespace spillway::tools {
@@ -26,14 +23,10 @@ class RenderFramesTest : public testing::Test {
     ASSERT_TRUE(store) << store.error().message;
   }
   int spillway(const std::string& arguments, const std::string& launcher = "") {
-    const std::string command =
-        "cd " + folder_.string() + " && " + launcher + SPILLWAY_PROGRAM " " + arguments + " 2>&1";
-    FILE* pipe = popen(command.c_str(), "r");
-    std::array<char, 4096> buffer;
-    said_.clear();
-    while (const size_t got = fread(buffer.data(), 1, buffer.size(), pipe)) said_.append(buffer.data(), got);
-    const int status = pclose(pipe);
-    return WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
+    const test::Ended ended =
+        test::run_command("cd " + folder_.string() + " && " + launcher + SPILLWAY_PROGRAM " " + arguments);
+    said_ = ended.said;
+    return ended.code;
   }
   // The frames' ends, such as "rendered rendered skipped", from the summary.
   std::string ends(const std::string& arguments, int code = 0) {
