@@ -271,7 +271,7 @@ TEST_F(ProgramTest, a_word_and_a_string_of_four_gigabytes_are_refused_at_their_p
     const Ended ended = run_command(fmt::format(
         "{{ cd {}; rm -f scene.pbrt; mkfifo scene.pbrt\n"
         "(printf '{}'; yes aaaaaaaa | tr -d '\\n' | head -c 4294967296) 2>/dev/null >scene.pbrt &\n"
-        "({}" SPILLWAY_PROGRAM " render scene.pbrt -o out.exr --memory 256MiB); status=$?; kill $! 2>/dev/null; exit $status; }}",
+        "({}" SPILLWAY_PROGRAM " render scene.pbrt -o out.exr --memory 512MiB); status=$?; kill $! 2>/dev/null; exit $status; }}",
         folder_.string(), opening, kLimit));
     expect_refused(ended, {message});
   }
