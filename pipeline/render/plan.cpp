@@ -34,14 +34,12 @@ constexpr uint64_t kReadAheadParts = 4;
 // Mean number of vertices of a path; only its order of magnitude matters here: 1.6 in a city's street, 3 in a room.
 constexpr double kStepsPerPath = 3;
 // Waves are pieces of the picture, and rays that begin near each other end near each other: a wave meets half of the pages
-// when it has so many paths a page. Measured: 1 to 2 Ki on a city from the air, 10 Ki in its streets.
-constexpr double kPathsAPageAtHalf = 2048;
+// when it has so many paths a page. Measured: about 1 Ki on a city from the air, 10 Ki in its streets.
+constexpr double kPathsAPageAtHalf = 1024;
 // A scene that may have to be swept begins with epochs of so many samples: a city from the air, a quarter of it in memory,
 // read 0.6 of the bytes that epochs of 1, 2, 4 and 1 samples read. Smaller scenes begin with one: they may stop sooner.
 constexpr uint64_t kLargeSceneBytes = 64 * kMiB;
 constexpr uint32_t kLargeSceneEpochSamples = 8;
-// Reading of pages goes on while others are traced, but its checks share the processors; this part of the lesser shows.
-constexpr double kReadingShown = 0.4;
 
 uint64_t swept_minimum(uint64_t total, uint64_t largest_part) { return std::min(total, (kReadAheadParts + 1) * largest_part); }
 
@@ -115,7 +113,8 @@ void predict(const SceneFacts& f, const Rates& r, Plan& plan) {
   plan.predicted_page_bytes = static_cast<uint64_t>(page_bytes);
   plan.predicted_spill_bytes = static_cast<uint64_t>(spill_bytes);
   plan.predicted_scratch_bytes = plan.spills ? plan.wave_paths * (2 * kColdBytesPerPath + 96 + 16) : 0;
-  plan.predicted_seconds = std::max(compute, reading) + kReadingShown * std::min(compute, reading) + spilling;
+  // Pages are read while others are traced; what is waited for all the same came to their bytes at the rate of the disk.
+  plan.predicted_seconds = compute + reading + spilling;
 }
 
 Plan shape(const SceneFacts& f, const PlanOptions& o, uint64_t paths, bool spills, uint64_t budget) {

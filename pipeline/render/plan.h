@@ -27,7 +27,7 @@ struct SceneFacts {
 // Measured on two cores; they decide between plans, never what is computed.
 struct Rates {
   double path_steps_per_second = 1.2e6;
-  double read_bytes_per_second = 2.0e9;   // of pages, several in flight
+  double read_bytes_per_second = 2.8e9;   // of pages, several in flight
   double spill_bytes_per_second = 0.7e9;  // of records, written or read: the stages wait for most of it
   double wave_overhead_seconds = 2e-4;
 };
