@@ -37,7 +37,7 @@ struct RenderOptions {
   PlanOptions plan;                  // budget and shares
   bool sort_rays = true;             // off: rays are traced in the order they were made (ablation)
   uint32_t hit_batch_rays = 0;       // hits of so many rays are sorted together; 0: of the wave (ablation)
-  bool cost_layers = false;          // counts what each pixel costs, see pixel_costs.h; takes a few percent
+  bool cost_layers = false;          // counts what each pixel costs, see pixel_costs.h
   bool read_ahead = true;            // off: a page is read when the sweep comes to it (ablation)
   bool resident_first = true;        // off: resident pages are swept in file order with the others (ablation)
   bool top_up_waves = true;          // off: new paths begin when the last ones have ended (ablation)
