@@ -9,7 +9,8 @@
 //          visitor and the callbacks run on the sweeping thread, one part after the other, while a few reader threads fetch and
 //          validate the next ones: `validate` must bear concurrent calls. No lock is held over I/O or validation.
 // Residency: see residency.h.
-// Fails: short or failed reads and parts that `validate` refuses: an error naming file, part and offset. The store
+// Fails: short or failed reads and parts that `validate` refuses: an error naming file, part and offset. A part that is
+//        read again is known by its checksum, and validated anew when that has changed. The store
 //        remains usable: nothing is in flight, the part that failed is not in memory.
 
 #include <cstddef>

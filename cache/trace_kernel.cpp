@@ -2,6 +2,7 @@
 
 #include <immintrin.h>
 
+#include <atomic>
 #include <bit>
 #include <cfloat>
 #include <cstddef>
@@ -344,6 +345,19 @@ SPILLWAY_INLINE bool walk_page(const TracePageView& page, uint32_t instance, con
   return ended;
 }
 
+// By any thread; most often it is set already.
+void note_used(uint8_t& used) {
+  const std::atomic_ref<uint8_t> shared(used);
+  if (shared.load(std::memory_order_relaxed) == 0) shared.store(1, std::memory_order_relaxed);
+}
+
+// Whether the ray enters a page that is not in memory as far as is known of its tree; where nothing is, it may.
+// Out of line, as what renders that fit do not need.
+[[gnu::noinline]] bool may_meet(const TracePageView& page, const KernelRay& ray, float t_far, uint64_t& nodes) {
+  if (page.nodes == nullptr) return true;
+  return walk(TreeView<TraceLeaf>{page.nodes, page.leaves}, 0, ray, t_far, nodes, [](uint32_t) { return true; });
+}
+
 float extent_of(const Bounds3& b) { return std::max(max_abs(b.lower), max_abs(b.upper)); }
 
 // Out of line, so that what stands still does not pay for it.
@@ -396,11 +410,15 @@ void trace_resident(const PageTree& tree, const ResidentPages& pages, const Trac
   walk_pages(tree, ray, t_far, work.nodes, [&](uint32_t index, uint32_t instance, const KernelRay& local) {
     const TracePageView& page = pages.view(index);
     if (page.header == nullptr) {
+      if (!may_meet(page, local, t_far, work.nodes)) return false;
       if (due.count < due.capacity) due.visits[due.count] = {index, instance};
       ++due.count;
       return false;
     }
-    return walk_page<mode>(page, instance, local, t_far, hit, work);
+    const uint64_t leaves_before = work.leaves;
+    const bool ended = walk_page<mode>(page, instance, local, t_far, hit, work);
+    if (due.used != nullptr && work.leaves != leaves_before) note_used(due.used[index]);
+    return ended;
   });
 }
 
@@ -409,8 +427,9 @@ size_t pages_met(const PageTree& tree, const ResidentPages& pages, uint32_t firs
   size_t count = 0;
   uint64_t nodes = 0;
   const float t_far = mode == TraceMode::nearest ? hit.t : ray.t_max;
-  walk_pages(tree, ray, t_far, nodes, [&](uint32_t index, uint32_t instance, const KernelRay&) {
-    if (index >= first_page && index < last_page && pages.view(index).header == nullptr) {
+  walk_pages(tree, ray, t_far, nodes, [&](uint32_t index, uint32_t instance, const KernelRay& local) {
+    const TracePageView& page = pages.view(index);
+    if (index >= first_page && index < last_page && page.header == nullptr && may_meet(page, local, t_far, nodes)) {
       if (count < capacity) visits[count] = {index, instance};
       ++count;
     }

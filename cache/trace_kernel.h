@@ -25,7 +25,8 @@ struct TraceCounters {
   uint64_t nodes = 0, leaves = 0, pages = 0;
 };
 
-// Which pages are in memory: view(page).header is null when it is not.
+// Which pages are in memory: view(page).header is null when it is not; its nodes are then the page's top (page_tops.h),
+// or null where that is not known.
 struct ResidentPages {
   const TracePageView* views = nullptr;
   [[nodiscard]] const TracePageView& view(uint32_t page) const { return views[page]; }
@@ -48,6 +49,7 @@ struct DueVisits {
   PageVisit* visits = nullptr;
   size_t capacity = 0;
   size_t count = 0;
+  uint8_t* used = nullptr;  // one a page, set where a triangle of a resident page was looked at; null: nobody asks
 };
 
 // Traces one ray through all resident pages, front to back. `due` gets the pages that are not resident and that the ray
@@ -56,8 +58,9 @@ template <TraceMode mode>
 void trace_resident(const PageTree& tree, const ResidentPages& pages, const TraceRay& ray, TraceHit& hit,
                     TraceCounters& work, DueVisits& due);
 
-// Every page in [first_page, last_page) that is not resident and whose box (in every enclosing tree) the ray enters at
-// t <= hit.t. Writes at most `capacity` visits, returns how many there are; order unspecified.
+// Every page in [first_page, last_page) that is not resident and whose box (in every enclosing tree, and in its own as
+// far as that is known) the ray enters at t <= hit.t. Writes at most `capacity` visits, returns how many there are;
+// front to back inside each tree.
 size_t pages_met(const PageTree& tree, const ResidentPages& pages, uint32_t first_page, uint32_t last_page,
                  TraceMode mode, const TraceRay& ray, const TraceHit& hit, PageVisit* visits, size_t capacity);
 

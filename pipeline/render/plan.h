@@ -51,6 +51,8 @@ struct Plan {
   uint64_t pair_bytes = 0;         // (page, ray) pairs of a sweep window
   uint64_t cold_bytes = 0;         // limit of each cold stream in memory
   uint64_t hit_bytes = 0;          // limit of the hit sort
+  uint64_t page_top_bytes = 0;     // for the first nodes of all pages, held while not all fit (cache/page_tops.h)
+  uint64_t parked_rays = 0;        // of each kind that may wait for a sweep outside of waves
   uint64_t ray_bytes = 0;          // hot columns, results, orders
   uint32_t epoch_samples = 16;     // largest epoch
   uint32_t first_epoch_samples = 1;

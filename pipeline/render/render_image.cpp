@@ -9,6 +9,7 @@
 #include "cache/base/check.h"
 #include "cache/trace_log.h"
 #include "pipeline/render/estimate_error.h"
+#include "pipeline/render/park_rays.h"
 #include "pipeline/render/render_state.h"
 #include "pipeline/render/route_hits.h"
 #include "pipeline/render/shade_hits.h"
@@ -75,6 +76,7 @@ class RenderLoop {
                      settings_.render.camera_medium),
         schedule_({settings_.render.samples_per_pixel, state.plan.epoch_samples, state.plan.first_epoch_samples,
                    state.options.error > 0}),
+        parked_(state.options.park_rays ? state.plan.parked_rays : 0),
         hits_(stream_options(state, "hits", MemoryTag::hits, cache::IoPurpose::hits, state.plan.hit_bytes)) {}
 
   Status run() {
@@ -110,10 +112,13 @@ class RenderLoop {
   }
 
  private:
-  // Fills the wave with camera paths of the open epochs, opening the next one where there is none.
+  // Fills the wave with camera paths of the open epochs, opening the next one where there is none. Parked rays come
+  // back when they are many, or the last wave was not full, or nothing else is left: this wave then sweeps.
   Status top_up(Wave& wave, WaveReport& report) {
     const StageTimer timer("generate_rays", report_.generate_seconds);
     const bool waits = !state_.options.top_up_waves && wave.paths.hot.size() + wave.shadows.hot.size() > 0;
+    sweeps_ = starves_ || parked_.is_nearly_full();
+    if (sweeps_) SPILLWAY_TRY(parked_.unpark(wave.paths, wave.shadows, state_.plan.wave_paths));
     while (!waits && wave.paths.hot.size() < state_.plan.wave_paths) {
       if (camera_rays_.exhausted()) {
         const std::optional<Epoch> epoch = schedule_.open_next();
@@ -122,6 +127,11 @@ class RenderLoop {
         generating_half_ = epoch->half;
       }
       SPILLWAY_TRY(generate_batch(wave, report));
+    }
+    starves_ = wave.paths.hot.size() < state_.plan.wave_paths;
+    if (wave.paths.hot.empty() && wave.shadows.hot.empty() && !sweeps_) {
+      sweeps_ = true;
+      SPILLWAY_TRY(parked_.unpark(wave.paths, wave.shadows, state_.plan.wave_paths));
     }
     SPILLWAY_TRY(wave.paths.cold.finish());
     SPILLWAY_TRY(wave.shadows.cold.finish());
@@ -146,14 +156,15 @@ class RenderLoop {
     sort_wave(wave, report);
     SPILLWAY_TRY(trace_wave(wave, report));
     if (report_.has_media) SPILLWAY_TRY(track_wave(wave, report));
+    if (parked_count_ > 0) SPILLWAY_TRY(parked_.park(wave.paths, path_hits_, wave.shadows, shadow_hits_));
     SPILLWAY_TRY(route_wave(wave, hits, report));
     report.spilled_bytes += wave.paths.cold.spilled_bytes() + wave.shadows.cold.spilled_bytes();
     empty(wave.paths, std::max<size_t>(hits.size(), state_.plan.wave_paths));
-    empty(wave.shadows, hits.size());
+    empty(wave.shadows, std::max<size_t>(hits.size(), parked_.empty() ? 0 : state_.plan.wave_paths));
     SPILLWAY_TRY(shade_wave(wave, hits, report));
     report.spilled_bytes += hits.spilled_bytes();
     report_.spilled_bytes += report.spilled_bytes;
-    state_.page_parts->rebalance();
+    if (parked_count_ == 0) state_.page_parts->rebalance();  // else not all pages that were wanted have been asked for
     state_.attributes->parts().rebalance();
     return {};
   }
@@ -191,6 +202,7 @@ class RenderLoop {
     shadow_hits_.renew(MemoryTag::rays, shadow_count), shadow_hits_.set_size(shadow_count);
     TraceRaysOptions trace_options;
     trace_options.pair_limit_bytes = state_.plan.pair_bytes;
+    if (!sweeps_) trace_options.park_paths = parked_.path_room(), trace_options.park_shadows = parked_.shadow_room();
     trace_options.resident_first = state_.options.resident_first;
     if (AccessLog* log = state_.options.access_log) {
       trace_options.access = &log->wave();
@@ -205,6 +217,7 @@ class RenderLoop {
     SPILLWAY_TRY(trace_rays(state_.store.page_tree(), *state_.pages,
                             {wave.paths.hot, wave.shadows.hot, path_hits_, shadow_hits_, order_}, trace_options, traced));
     report.pages_touched = traced.pages_touched;
+    parked_count_ = traced.parked_count;
     report.pair_count = traced.pair_count;
     report.window_count = traced.window_count;
     report_.trace += traced;
@@ -259,7 +272,7 @@ class RenderLoop {
   void close_epochs() {
     for (const uint32_t half : {0u, 1u}) {
       const bool generated = camera_rays_.exhausted() || generating_half_ != half;
-      if (!schedule_.is_open(half) || !generated || live_[half] != 0) continue;
+      if (!schedule_.is_open(half) || !generated || live_[half] != 0 || parked_.any_of_half(half)) continue;
       schedule_.close(half);
       state_.film->set_half_samples(static_cast<int>(half), schedule_.closed_samples()[half]);
     }
@@ -314,6 +327,9 @@ class RenderLoop {
   EpochSchedule schedule_;
   uint32_t generating_half_ = 0;
   uint64_t generated_total_ = 0;
+  ParkedRays parked_;
+  uint64_t parked_count_ = 0;             // of the wave
+  bool starves_ = false, sweeps_ = true;  // the last wave was not full; this one does not park
   double expected_samples_ = INFINITY;  // a pixel, until the error that was asked for is reached
   std::array<uint64_t, 2> live_ = {0, 0};  // rays of each half's epoch on their way to the next wave
   Buffer<PathRecord> generated_{MemoryTag::paths, 1 << 14};

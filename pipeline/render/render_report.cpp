@@ -70,6 +70,7 @@ json stages_json(const RenderReport& r) {
             {"rays", r.trace.ray_count},
             {"pairs", r.trace.pair_count},
             {"windows", r.trace.window_count},
+            {"parked", r.trace.parked_count},
             {"pages_touched", r.trace.pages_touched},
             {"nodes", r.trace.work.nodes},
             {"leaves", r.trace.work.leaves}, {"page_visits", r.trace.work.pages}}},

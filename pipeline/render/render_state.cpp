@@ -41,6 +41,12 @@ cache::PartStore::Options part_options(const RenderState& state, MemoryTag tag, 
           .access_log = access_log(state, tag == MemoryTag::pages)};
 }
 
+// Of each page; none when all fit, or pages are small.
+uint32_t top_nodes(const RenderState& state) {
+  if (state.plan.pages_fit || state.store.pages().empty()) return 0;
+  return static_cast<uint32_t>(state.plan.page_top_bytes / state.store.pages().size() / sizeof(cache::TraceNode));
+}
+
 Status open_geometry(RenderState& state) {
   const Store& store = state.store;
   SPILLWAY_ASSIGN(state.page_parts,
@@ -48,7 +54,7 @@ Status open_geometry(RenderState& state) {
                                          part_options(state, MemoryTag::pages, cache::IoPurpose::pages,
                                                       state.plan.page_bytes),
                                          cache::validate_trace_page));
-  state.pages = std::make_unique<PageViews>(*state.page_parts);
+  state.pages = std::make_unique<PageViews>(*state.page_parts, top_nodes(state));
   SPILLWAY_ASSIGN(auto attributes,
                   cache::PartStore::open(store.attributes_path(), attribute_parts(store),
                                          part_options(state, MemoryTag::attributes, cache::IoPurpose::attributes,

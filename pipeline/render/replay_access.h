@@ -12,7 +12,8 @@
 // the log's own, a ray for a ray. Limits: waves smaller than those of the log need less than is known of them
 // (`finer_than_log`): log with small waves, which is what an unlimited budget plans. Rays are taken to need the pages
 // between them and their hits; a sweep also visits some that come before in the file (a few percent of the pages a
-// wave). Textures are not replayed.
+// wave). Textures are not replayed, nor rays that
+// are parked: every wave is taken to sweep.
 
 #include <string>
 #include <vector>

@@ -15,7 +15,7 @@ constexpr size_t kBlockRecords = 1024;
 struct RoutedBlock {
   size_t first = 0;
   uint32_t hit_count = 0, splat_count = 0, occluded_count = 0, alpha_shadow_count = 0;
-  uint32_t medium_count = 0, absorbed_count = 0;
+  uint32_t medium_count = 0, absorbed_count = 0, parked_count = 0;
 
   void emit(const HitRecord& record, const cache::SortKey& key, RouteHitsScratch& scratch) {
     scratch.hits[first + hit_count] = record;
@@ -69,7 +69,7 @@ Status route_all(const cache::RecordStream<Record>& records, Buffer<Record>& col
       pieces[b] = {scratch.keys.data() + out.first, scratch.hits.data() + out.first, out.hit_count};
       report.hit_count += out.hit_count, report.occluded_count += out.occluded_count;
       report.alpha_shadow_count += out.alpha_shadow_count, report.medium_count += out.medium_count;
-      report.absorbed_count += out.absorbed_count;
+      report.absorbed_count += out.absorbed_count, report.parked_count += out.parked_count;
     }
     SPILLWAY_TRY(sort.append(std::span(pieces).first(block_total)));
   }
@@ -104,6 +104,10 @@ Status route_hits(const PathSettings& settings, const TracedPaths& paths, const 
   const auto route_path = [&](size_t i, PathRecord path, RoutedBlock& out) {
     const cache::TraceRay& ray = paths.rays[i];
     const cache::TraceHit& hit = paths.hits[i];
+    if (hit.flags & cache::kHitWaits) {
+      ++out.parked_count;
+      return;
+    }
     if (pixel_costs != nullptr) pixel_costs->add_ray(path.sink, paths.costs[i]);
     if (!paths.media.empty()) {
       const SegmentResult& medium = paths.media[i];
@@ -129,6 +133,10 @@ Status route_hits(const PathSettings& settings, const TracedPaths& paths, const 
   };
   const auto route_shadow = [&](size_t i, ShadowRecord shadow, RoutedBlock& out) {
     const cache::TraceHit& hit = shadows.hits[i];
+    if (hit.flags & cache::kHitWaits) {
+      ++out.parked_count;
+      return;
+    }
     if (pixel_costs != nullptr) pixel_costs->add_ray(shadow.sink, shadows.costs[i]);
     if (!shadows.media.empty()) shadow.contribution *= shadows.media[i].weight;
     if (hit.flags & cache::kHitOccluded) {
@@ -141,14 +149,15 @@ Status route_hits(const PathSettings& settings, const TracedPaths& paths, const 
       out.emit(SplatRecord{shadow.sink, shadow.sample, shadow_event(shadow.bounce), shadow.contribution}, scratch);
     }
   };
-  const uint64_t hits_before = report.hit_count, absorbed_before = report.absorbed_count;
+  const auto elsewhere = [&report] { return report.hit_count + report.absorbed_count + report.parked_count; };
+  const uint64_t elsewhere_before = elsewhere();
   SPILLWAY_TRY(route_all(*paths.records, scratch.paths, paths.rays.size(), hits, film, scratch, report, route_path));
-  report.escaped_count +=
-      paths.rays.size() - (report.hit_count - hits_before) - (report.absorbed_count - absorbed_before);
-  const uint64_t stopped_before = report.occluded_count + report.alpha_shadow_count;
+  report.escaped_count += paths.rays.size() - (elsewhere() - elsewhere_before);
+  const auto stopped = [&report] { return report.occluded_count + report.alpha_shadow_count + report.parked_count; };
+  const uint64_t stopped_before = stopped();
   SPILLWAY_TRY(
       route_all(*shadows.records, scratch.shadows, shadows.rays.size(), hits, film, scratch, report, route_shadow));
-  report.arrived_count += shadows.rays.size() - (report.occluded_count + report.alpha_shadow_count - stopped_before);
+  report.arrived_count += shadows.rays.size() - (stopped() - stopped_before);
   return {};
 }
 

@@ -41,6 +41,7 @@ struct TracedShadows {
 struct RouteHitsReport {
   uint64_t hit_count = 0, escaped_count = 0, arrived_count = 0, occluded_count = 0, alpha_shadow_count = 0;
   uint64_t medium_count = 0;    // of the hits
+  uint64_t parked_count = 0;    // not traced to their ends yet: passed over
   uint64_t absorbed_count = 0;  // paths that ended in a medium
 };
 

@@ -5,8 +5,9 @@
 // In: hot columns of path and shadow rays, and the order (a permutation of all of them) that sort_rays chose.
 // Out: a TraceHit each, at the ray's own index. Occluded shadow rays: kHitOccluded and nothing else.
 // Memory: tag rays. None when every page is resident. Else one bit a ray, and when rays wait for pages: (page, ray)
-//         pairs up to pair_limit_bytes, listed as they are found, and a table of them by page and range of rays (at most
-//         32 MiB). More pairs: they are found again, window of pages by window of pages; a page with more pairs than the limit is met ray by ray, without pairs.
+//         pairs up to pair_limit_bytes, listed as they are found, and a table of them by page and range of rays (at
+//         most 32 MiB). More pairs: they are found again, window of pages by window of pages; a page with more pairs
+//         than the limit is met ray by ray, without pairs.
 // Order: the nearest hit is a minimum over (t, instance, prim): any order of rays, pages, windows gives the same.
 //        Within a page all pairs of a ray belong to one task.
 // Based on: Hyperion (Eisenacher et al. 2013) for sorted batches; PantaRay (Pantaleoni et al. 2010) for paged geometry.
@@ -15,6 +16,7 @@
 #include <cstdint>
 #include <span>
 
+#include "cache/page_tops.h"
 #include "cache/part_store.h"
 #include "cache/ray.h"
 #include "cache/trace_kernel.h"
@@ -27,14 +29,17 @@ struct TraceRaysOptions {
   uint64_t pair_limit_bytes = 64 << 20;  // 8 bytes a pair; larger: fewer windows, fewer passes through the page tree
   uint32_t block_rays = 512;             // rays or pairs a task
   bool resident_first = true;            // off: all pages are swept in file order (ablation)
+  // When no more rays than these wait for pages, none is read: they are marked kHitWaits, for another wave.
+  size_t park_paths = 0, park_shadows = 0;
   // What the rays need is logged here: of every ray, by another walk through the page tree.
   WaveAccess* access = nullptr;
-  size_t camera_rays_from = SIZE_MAX;    // path rays from here on come from the camera (for the log)
-  std::span<RayCost> costs = {};         // one a ray, paths first: what it took is added. Empty: nobody asks
+  size_t camera_rays_from = SIZE_MAX;  // path rays from here on come from the camera (for the log)
+  std::span<RayCost> costs = {};       // one a ray, paths first: what it took is added. Empty: nobody asks
 };
 
 struct TraceRaysReport {
   uint64_t ray_count = 0, resident_only_count = 0, pair_count = 0, window_count = 0;
+  uint64_t parked_count = 0;  // left to wait; not among ray_count
   uint64_t pages_touched = 0;  // swept: not resident at the wave's start, and some ray had to visit them
   cache::TraceCounters work;
 
@@ -44,16 +49,22 @@ struct TraceRaysReport {
 // The pages of a store as the kernel sees them: views follow residency, through the store's on_residency().
 class PageViews {
  public:
-  explicit PageViews(cache::PartStore& pages);
+  // top_nodes: of each page kept once it was read, for as long as it is not in memory; 0: none.
+  explicit PageViews(cache::PartStore& pages, uint32_t top_nodes = 0);
   PageViews(const PageViews&) = delete;
   PageViews& operator=(const PageViews&) = delete;
   ~PageViews();
 
   [[nodiscard]] cache::ResidentPages resident() const { return {views_.data()}; }
+  // All pages as if none were in memory.
+  [[nodiscard]] Buffer<cache::TracePageView> absent() const;
+  // A page was read: its top is kept from now on.
+  void note_read(uint32_t page, const cache::TracePageView& view);
   [[nodiscard]] cache::PartStore& pages() { return *pages_; }
 
  private:
   cache::PartStore* pages_;
+  cache::PageTops tops_;
   Buffer<cache::TracePageView> views_;
 };
 

@@ -208,16 +208,26 @@ TEST(PartStore, a_part_that_validation_refuses_is_an_error_with_its_place) {
   }
 }
 
-TEST(PartStore, every_part_is_validated_each_time_it_is_read) {
+TEST(PartStore, bytes_that_were_valid_are_known_again_and_others_validated) {
   const PartFile file(kTwelve);
   std::atomic<uint64_t> validated = 0;
-  Harness h(file, {.memory_limit_bytes = 40000}, [&](std::span<const std::byte>, std::string_view) -> Status {
+  Harness h(file, {.memory_limit_bytes = 40000}, [&](std::span<const std::byte> bytes, std::string_view where) {
     ++validated;
-    return {};
+    return bytes[77] == std::byte(0xee) ? Status(error("{}: damaged", where)) : Status();
   });
   for (int wave = 0; wave < 3; ++wave) ASSERT_TRUE(h.sweep(file.all()));
-  EXPECT_EQ(validated, h.store->counters().parts_read);
-  EXPECT_GT(validated, 12u);
+  EXPECT_EQ(validated, 12u);
+  EXPECT_GT(h.store->counters().parts_read, 24u);
+  ASSERT_TRUE(h.store->resident(11).empty());
+  {
+    std::fstream bytes(file.path(), std::ios::binary | std::ios::in | std::ios::out);
+    bytes.seekp(static_cast<std::streamoff>(file.parts[11].offset_bytes + 77));
+    bytes.put(static_cast<char>(0xee));
+  }
+  const Status status = h.sweep(file.all());
+  ASSERT_FALSE(status);
+  EXPECT_NE(status.error().message.find("part 11 at byte"), std::string::npos) << status.error().message;
+  EXPECT_EQ(validated, 13u);
 }
 
 TEST(PartStore, a_file_cut_after_opening_is_an_error_with_its_place) {

@@ -24,6 +24,7 @@ class AccessLogTest : public testing::Test {
     o.settings = store_->settings();
     o.settings.render.samples_per_pixel = 16;
     o.plan = plan;
+    o.park_rays = false;  // which a replay does not know
     o.access_log = log;
     const auto image = render_image(*store_, o);
     EXPECT_TRUE(image) << (image ? "" : image.error().message);

@@ -225,6 +225,27 @@ TEST_F(SameBits, when_resident_pages_are_swept_with_the_others) {
   EXPECT_GT(whole.report.trace.pair_count, whole.report.trace.ray_count / 2);
 }
 
+TEST_F(SameBits, when_rays_that_wait_for_pages_are_parked_and_when_not) {
+  RenderOptions o = options();
+  o.plan.wave_paths = 1000;
+  EXPECT_EQ(render(o, 2).report.trace.parked_count, 0u);  // everything fits
+  o.plan.page_bytes = trace_bytes() * 3 / 4;
+  const RenderedImage parked = render(o, 2);
+  EXPECT_EQ(parked.report.image_hash, hash_);
+  EXPECT_GT(parked.report.trace.parked_count, 100u);
+  EXPECT_EQ(parked.report.route.parked_count, parked.report.trace.parked_count);
+  o.park_rays = false;
+  const RenderedImage swept = render(o, 2);
+  EXPECT_EQ(swept.report.image_hash, hash_);
+  EXPECT_EQ(swept.report.trace.parked_count, 0u);
+  EXPECT_EQ(swept.report.trace.ray_count, parked.report.trace.ray_count);
+  EXPECT_EQ(swept.report.route.escaped_count, parked.report.route.escaped_count);
+  EXPECT_EQ(swept.report.route.arrived_count, parked.report.route.arrived_count);
+  EXPECT_GT(swept.report.trace.pages_touched, parked.report.trace.pages_touched);
+  o.park_rays = true, o.top_up_waves = false;
+  EXPECT_EQ(render(o, 2).report.image_hash, hash_);
+}
+
 TEST_F(SameBits, when_waves_are_not_topped_up) {
   RenderOptions o = options();
   o.plan.wave_paths = 2000;
@@ -242,6 +263,7 @@ TEST_F(SameBits, while_an_access_log_is_written) {
   o.access_log = &whole;
   EXPECT_EQ(render(o, 2).report.image_hash, hash_);
   o.access_log = &limited;
+  o.park_rays = false;  // the same waves
   o.plan.page_bytes = trace_bytes() / 4, o.plan.attribute_bytes = attribute_bytes() / 4;
   const RenderedImage image = render(o, 2);
   EXPECT_EQ(image.report.image_hash, hash_);

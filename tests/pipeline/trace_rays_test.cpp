@@ -247,10 +247,10 @@ Hits reference(const Scene& scene, const Rays& rays) {
 
 // A store under a limit, its views, and a log of what each call visited and read.
 struct PagedRun {
-  PagedRun(const Scene& s, uint64_t limit)
+  PagedRun(const Scene& s, uint64_t limit, uint32_t top_nodes = 0)
       : scene(s),
         store(s.open(limit, [this](uint32_t page, bool read) { log.emplace_back(page, read); })),
-        views(*store) {}
+        views(*store, top_nodes) {}
 
   Hits trace(const Rays& rays, const TraceRaysOptions& options = {}) {
     log.clear();
@@ -351,6 +351,52 @@ TEST(TraceRays, hits_are_the_same_for_every_thread_count_and_order) {
       });
     }
   }
+}
+
+// Tops of one node, of a part of each page's tree, and of all of it.
+TEST(TraceRays, the_tops_of_pages_let_rays_pass_that_miss_and_change_no_hit) {
+  const Scene scene(14);
+  Rays rays(300, 300, 15);
+  const Hits expected = reference(scene, rays);
+  uint64_t pairs_before = UINT64_MAX, pages_before = UINT64_MAX;
+  for (const uint32_t top_nodes : {0u, 1u, 4u, 100u}) {
+    SCOPED_TRACE(fmt::format("{} nodes", top_nodes));
+    PagedRun run(scene, whole(scene) / 3, top_nodes);
+    uint64_t pairs = 0, pages = 0;
+    for (int wave = 0; wave < 3; ++wave) {
+      EXPECT_TRUE(run.trace(rays, {.block_rays = 64}) == expected) << "wave " << wave;
+      if (wave > 0) pairs += run.report.pair_count, pages += run.report.pages_touched;
+      // Every pair finds its pages again, too, where pairs are not kept.
+      EXPECT_TRUE(run.trace(rays, {.pair_limit_bytes = 1000, .block_rays = 64}) == expected) << "wave " << wave;
+    }
+    EXPECT_GT(run.store->counters().parts_evicted, 0u);
+    EXPECT_LT(pairs, pairs_before);
+    EXPECT_LE(pages, pages_before);
+    pairs_before = pairs, pages_before = pages;
+  }
+}
+
+TEST(TraceRays, few_rays_that_wait_are_marked_and_nothing_is_read) {
+  const Scene scene(16);
+  const Rays rays(300, 300, 17);
+  const Hits expected = reference(scene, rays);
+  PagedRun run(scene, whole(scene) * 2 / 3);
+  run.trace(rays);
+  const Hits hits = run.trace(rays, {.park_paths = 300, .park_shadows = 300});
+  EXPECT_EQ(run.log.size(), 0u);
+  uint64_t waiting = 0;
+  for (size_t i = 0; i < 300; ++i) {
+    const bool waits = (hits.paths[i].flags & cache::kHitWaits) != 0;
+    waiting += waits;
+    EXPECT_TRUE(waits || std::memcmp(&hits.paths[i], &expected.paths[i], sizeof(TraceHit)) == 0) << i;
+  }
+  for (const TraceHit& hit : hits.shadows) waiting += (hit.flags & cache::kHitWaits) != 0;
+  EXPECT_GT(waiting, 50u);
+  EXPECT_EQ(run.report.parked_count, waiting);
+  EXPECT_EQ(run.report.ray_count, 600 - waiting);
+  // One too many of either kind, and the pages are read.
+  EXPECT_TRUE(run.trace(rays, {.park_paths = 300}) == expected);
+  EXPECT_GT(run.log.size(), 0u);
 }
 
 TEST(TraceRays, a_page_is_read_only_when_a_ray_still_needs_it) {

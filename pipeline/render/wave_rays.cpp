@@ -1,0 +1,57 @@
+#include "pipeline/render/wave_rays.h"
+
+namespace spillway::pipeline {
+namespace {
+
+using cache::PageVisit;
+using cache::TraceCounters;
+using cache::TraceHit;
+using cache::TraceMode;
+using cache::TracePageView;
+
+// All that is kept of an occluded shadow ray: what occludes it would depend on the order.
+constexpr TraceHit kOccluded = {0, 0, 0, PrimId::kNone, 0, cache::kHitOccluded};
+
+}  // namespace
+
+void WaveRays::keep_hit(uint32_t ray, const TraceHit& hit) const {
+  hit_at(ray) = (hit.flags & cache::kHitOccluded) != 0 ? kOccluded : hit;
+}
+
+void WaveRays::note_cost(uint32_t ray, const TraceCounters& before, const TraceCounters& after, uint32_t waits) const {
+  if (costs_.empty()) return;
+  costs_[ray].tree_steps += static_cast<uint32_t>(after.nodes + after.leaves - before.nodes - before.leaves);
+  costs_[ray].pages_waited += waits;
+}
+
+std::span<const PageVisit> WaveRays::trace_first(uint32_t ray, VisitList& visits, TraceCounters& work) const {
+  TraceHit hit = cache::no_hit(ray_at(ray));
+  const TraceCounters before = work;
+  std::span<const PageVisit> due = visits.trace(tree_, known(), mode_of(ray), ray_at(ray), hit, work);
+  note_cost(ray, before, work, 0);
+  keep_hit(ray, hit);
+  // What was due before the hit may lie behind it.
+  if (!due.empty() && is_path(ray) && hit.prim != PrimId::kNone) due = pages_ahead(ray, 0, page_count(), visits);
+  return due;
+}
+
+void WaveRays::trace_page(const TracePageView& view, uint32_t instance, uint32_t ray, TraceCounters& work) const {
+  TraceHit hit = hit_at(ray);
+  if ((hit.flags & cache::kHitOccluded) != 0) return;
+  const TraceCounters before = work;
+  if (is_path(ray)) cache::trace_page<TraceMode::nearest>(view, instance, tree_, ray_at(ray), hit, work);
+  if (!is_path(ray)) cache::trace_page<TraceMode::occlusion>(view, instance, tree_, ray_at(ray), hit, work);
+  note_cost(ray, before, work, 1);
+  keep_hit(ray, hit);
+}
+
+std::span<const PageVisit> WaveRays::pages_ahead(uint32_t ray, uint32_t first, uint32_t last, VisitList& visits) const {
+  return visits.met(tree_, known(), first, last, mode_of(ray), ray_at(ray), hit_at(ray));
+}
+
+std::span<const PageVisit> WaveRays::pages_before_hit(uint32_t ray, const cache::ResidentPages& none,
+                                                      VisitList& visits) const {
+  return visits.met(tree_, none, 0, page_count(), mode_of(ray), ray_at(ray), hit_at(ray));
+}
+
+}  // namespace spillway::pipeline
