@@ -50,16 +50,16 @@ class FuzzSink : public RecordingSink {
     return RecordingSink::add_texture(node);
   }
   Result<MaterialId> add_material(const pipeline::Material& m, std::string name) override {
-    for (const pipeline::Param* p : {&m.reflectance, &m.transmittance, &m.u_roughness, &m.v_roughness,
-                                     &m.base_u_roughness, &m.base_v_roughness, &m.conductor_eta, &m.conductor_k,
-                                     &m.mix_amount})
+    for (const pipeline::Param* p :
+         {&m.reflectance, &m.transmittance, &m.u_roughness, &m.v_roughness, &m.base_u_roughness, &m.base_v_roughness,
+          &m.conductor_eta, &m.conductor_k, &m.mix_amount})
       if (!is_finite(p->constant)) contract = "a material is not finite";
     expect_finite("a material", {&m.eta, 1});
     return RecordingSink::add_material(m, std::move(name));
   }
   Status add_light(const shading::Light& light) override {
-    const bool finite = is_finite(light.radiance) && is_finite(light.position) && is_finite(light.edge1) &&
-                        is_finite(light.edge2);
+    const bool finite =
+        is_finite(light.radiance) && is_finite(light.position) && is_finite(light.edge1) && is_finite(light.edge2);
     if (!finite) contract = "a light is not finite";
     if (light.kind == shading::LightKind::spot || light.kind == shading::LightKind::distant) {
       if (std::fabs(length(light.edge1) - 1) > 1e-3f) contract = "the axis of a light is no unit vector";
@@ -79,7 +79,8 @@ class FuzzSink : public RecordingSink {
   }
   Status add_mesh(const pipeline::MeshInput& mesh) override {
     if (mesh.indices.size() % 3 != 0) contract = "indices are not three a triangle";
-    if (!mesh.normals.empty() && mesh.normals.size() != mesh.positions.size()) contract = "normals are not one a vertex";
+    if (!mesh.normals.empty() && mesh.normals.size() != mesh.positions.size())
+      contract = "normals are not one a vertex";
     if (!mesh.uvs.empty() && mesh.uvs.size() != mesh.positions.size()) contract = "uvs are not one a vertex";
     SPILLWAY_TRY(RecordingSink::add_mesh(mesh));
     if (triangle_count > kMostTriangles) return error("the disk is full");

@@ -9,7 +9,8 @@
 namespace spillway::test {
 
 FuzzFiles::FuzzFiles() {
-  for (const std::filesystem::path& parent : {std::filesystem::path("/dev/shm"), std::filesystem::temp_directory_path()}) {
+  for (const std::filesystem::path& parent :
+       {std::filesystem::path("/dev/shm"), std::filesystem::temp_directory_path()}) {
     std::string name = (parent / "spillway_fuzz_XXXXXX").string();
     if (::mkdtemp(name.data()) == nullptr) continue;
     path_ = name;
