@@ -154,7 +154,7 @@ class Killers:
         return self.of(patch)[1] != "*"
 
     def write(self, patch, result, by):
-        self.rows[patch.stem] = by if result == "killed" else f"{result} {by.splitlines()[0] if by else ''}".strip()
+        self.rows[patch.stem] = by if result == "killed" else result
         names = sorted(p.stem for p in MUTANTS.glob("*.patch"))
         rows = [f"| `{name}` | {self.rows.get(name, 'not yet run')} |\n" for name in names]
         before, head, rest = TABLE.read_text().partition(self.HEAD)
