@@ -286,8 +286,9 @@ Status shade_hits(const ShadeInputs& inputs, cache::ExternalSort<HitRecord>& hit
   };
   // Hits of ascending triangles: their blocks follow each other in the file.
   const auto shade_run = [&](std::span<const HitRecord> all) -> Status {
-    const auto [run, in_media] = surfaces_and_media(all);
+    const auto [on_surfaces, in_media] = surfaces_and_media(all);
     SPILLWAY_TRY(shade_range(in_media, {}));
+    const std::span<const HitRecord> run = on_surfaces;  // a lambda holds no structured binding
     if (run.empty()) return {};
     const bool resident = attributes.parts().all_resident();
     const std::vector<uint32_t> blocks =

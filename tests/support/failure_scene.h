@@ -26,7 +26,7 @@ class FailureScene {
  public:
   using MakeFiles = std::function<void(const std::filesystem::path& folder)>;
   // make_files writes what the text names, beside it. A scene that cannot be packed says why in error().
-  explicit FailureScene(const std::string& text, const MakeFiles& make_files = {});
+  explicit FailureScene(const std::string& text, const MakeFiles& make_files = {}, uint32_t triangles_per_page = 16);
 
   [[nodiscard]] const std::string& error() const { return error_; }
   [[nodiscard]] const pipeline::Store& store() const { return *store_; }

@@ -41,6 +41,7 @@ TEST_P(Twins, are_equal_within_their_noise) {
   const double four_errors = 4 * std::hypot(a.standard_error, b.standard_error) / b.value;
   EXPECT_LE(std::fabs(a.value / b.value - 1), std::max(0.001, four_errors));
   EXPECT_LE(four_errors, 0.003);
+  RecordProperty("four_standard_errors", std::to_string(four_errors));
 }
 
 INSTANTIATE_TEST_SUITE_P(Mitsuba, Twins,
