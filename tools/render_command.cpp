@@ -287,6 +287,7 @@ void add_performance(CLI::App& command, RenderArguments& a) {
   share("--page-share", a.options.plan.page_bytes, "geometry pages");
   share("--attribute-share", a.options.plan.attribute_bytes, "attribute blocks");
   share("--texture-share", a.options.plan.texture_bytes, "texture tiles");
+  share("--volume-share", a.options.plan.volume_bytes, "bricks of volumes");
   share("--hit-sort-share", a.options.hit_sort_bytes, "sorting hits");
   command.add_option("--spill", a.spill, "auto, always or never [auto]")->check(CLI::IsMember({"auto", "always", "never"}));
   command.add_flag("--direct-io", a.direct, "read pages and attributes past the page cache");

@@ -115,6 +115,7 @@ class ScenePacker final : public SceneSink {
   Status open_images(Packed& packed) const;
   Status write_pages(Packed& packed);
   Status write_volumes(Packed& packed) const;
+  Status find_camera_medium();
   SceneStatistics statistics(const Packed& packed) const;
   [[nodiscard]] std::string name_lines() const;
   Status write_manifest(const Packed& packed);

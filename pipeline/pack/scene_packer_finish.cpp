@@ -7,6 +7,7 @@
 #include "cache/section_file.h"
 #include "pipeline/pack/bake_micromap.h"
 #include "pipeline/pack/dice_subdivision.h"
+#include "pipeline/pack/find_camera_medium.h"
 #include "pipeline/pack/pack_attributes.h"
 #include "pipeline/pack/pack_environment.h"
 #include "pipeline/pack/pack_image.h"
@@ -165,6 +166,7 @@ Status ScenePacker::write_store() {
   SPILLWAY_TRY(number_meshes());
   keep_instances_of_triangles();
   SPILLWAY_TRY(check_emitters_stand_still());
+  SPILLWAY_TRY(find_camera_medium());
   SPILLWAY_TRY(check_disk());
   SPILLWAY_TRY(write_attributes(packed));
   SPILLWAY_TRY(write_pages(packed));
@@ -213,6 +215,34 @@ Status ScenePacker::open_images(Packed& packed) const {
   if (packed.images.empty()) return {};
   const cache::TextureCache::Options options{.memory_limit_bytes = options_.memory_limit_bytes / 8};
   SPILLWAY_ASSIGN(packed.textures, cache::TextureCache::open(directory_ / kTexturesDirectory, packed.images, options));
+  return {};
+}
+
+// Where the scene does not say it. Nothing is looked for where nothing divides media.
+Status ScenePacker::find_camera_medium() {
+  uint32_t& medium = settings_.render.camera_medium;
+  if (medium != kMediumUnsaid) return {};
+  medium = kNoMedium;
+  if (std::ranges::none_of(scene_.meshes, [](const SpooledMesh& m) { return (m.row.flags & kMeshDividesMedia) != 0; }))
+    return {};
+  const auto place_of = [](const shading::Camera& camera) {
+    const auto& m = camera.world_from_camera.m;
+    return Float3{m[0][3], m[1][3], m[2][3]};
+  };
+  std::vector<Float3> eyes;
+  for (const FrameCamera& frame : camera_path_) eyes.push_back(place_of(frame.camera));
+  if (eyes.empty()) eyes = {place_of(settings_.camera)};
+  SPILLWAY_ASSIGN(const std::vector<uint32_t> media, find_camera_media(scene_, instances_, eyes));
+  medium = media.front();
+  constexpr const char* kSayIt = "MediumInterface before Camera says otherwise";
+  if (medium != kNoMedium)
+    report_.notes.push_back(fmt::format("the camera is inside of {}, which the scene does not say: its rays begin there; {}",
+                                        media_.name(medium), kSayIt));
+  const auto elsewhere = std::ranges::count_if(media, [&](uint32_t other) { return other != medium; });
+  if (elsewhere > 0)
+    report_.notes.push_back(fmt::format("{} of {} frames have their camera in another medium than the first, and are "
+                                        "rendered as if it were in that one; render them as scenes of their own",
+                                        elsewhere, media.size()));
   return {};
 }
 

@@ -105,6 +105,10 @@ struct SubdivisionInput {
   float displacement_scale = 1;
 };
 
+// As RenderSettings::camera_medium: the scene does not say it. Packing looks for it (find_camera_medium.h), and says what
+// it found in the report's notes.
+inline constexpr uint32_t kMediumUnsaid = UINT32_MAX;
+
 class SceneSink {
  public:
   virtual ~SceneSink() = default;

@@ -83,6 +83,7 @@ class RenderLoop {
     empty(wave.paths, state_.plan.wave_paths);
     empty(wave.shadows, 0);
     report_.has_media = !state_.media.tables.media.empty();
+    report_.camera_medium = settings_.render.camera_medium;
     while (true) {
       const cache::TraceSpan span("wave", "wave");
       WaveReport wave_report;
