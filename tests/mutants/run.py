@@ -8,8 +8,8 @@ dies, or hangs twice; one that passes every program has SURVIVED: the suite has 
 build is an ERROR, and so is one that the budget of --minutes left unjudged (LEFT, which fails nothing).
 
 The copy, its one build directory and all that the tests leave lie in a temporary directory that is removed at the end;
-the sources as they stand, committed or not, are only read. The tests that are asked first must pass on the unchanged
-copy; so must, at the end, those that killed without having been asked first.
+the sources as they stand, committed or not, are only read. The tests of the table must pass on the unchanged
+copy; so must, at the end, those that killed and were not in the table.
 Exit code 0 when every mutant was killed, 1 when one was not, 2 when there was nothing to judge.
 """
 
@@ -76,8 +76,12 @@ class Copy:
         for name in filter(None, names):
             if not (SOURCES / name).is_file():
                 continue  # deleted, and not yet committed
-            (self.tree / name).parent.mkdir(parents=True, exist_ok=True)
-            shutil.copy2(SOURCES / name, self.tree / name)
+            text, there = (SOURCES / name).read_bytes(), self.tree / name
+            if there.is_file() and there.read_bytes() == text:
+                continue  # --directory: what was compiled from it may still hold
+            there.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(SOURCES / name, there)
+            shutil.copymode(SOURCES / name, there)
         call("git", "init", "-q", self.tree)  # `git apply` looks for a repository
         self.environment = dict(os.environ, CCACHE_BASEDIR=str(directory), CCACHE_NOHASHDIR="1",
                                 TMPDIR=str(self.temporary))
@@ -146,12 +150,12 @@ class Killers:
         for name, by in re.findall(r"^\| `(\w+)` \| (.*) \|$", rest.partition("\n\n")[0], re.MULTILINE):
             self.rows[name] = by
 
-    def of(self, patch):
+    def known(self, patch):
         known = re.match(r"(\w+): (\S+\.\S+)", self.rows.get(patch.stem, ""))
-        return (known[1], known[2]) if known and known[1] in LAYERS else hint_of(patch)
+        return (known[1], known[2]) if known and known[1] in LAYERS else None
 
-    def is_known(self, patch):
-        return self.of(patch)[1] != "*"
+    def of(self, patch):
+        return self.known(patch) or hint_of(patch)
 
     def write(self, patch, result, by):
         self.rows[patch.stem] = by if result == "killed" else result
@@ -198,7 +202,7 @@ def chosen(arguments, killers):
     names = arguments.names or list(patches)
     if arguments.sample:
         # Quick ones: the test is known, and one file is compiled.
-        quick = [name for name in names if killers.is_known(patches[name]) and
+        quick = [name for name in names if killers.known(patches[name]) and
                  not re.search(r"^\+\+\+ .*\.h$", patches[name].read_text(), re.MULTILINE)]
         names = random.Random(arguments.seed).sample(quick, min(arguments.sample, len(quick)))
     return [patches[name] for name in names]
@@ -236,9 +240,8 @@ def run(arguments, directory):
     deadline = time.monotonic() + 60 * arguments.minutes if arguments.minutes else None
     copy = Copy(pathlib.Path(directory).resolve(), arguments.jobs, deadline)
     copy.configure()
-    asked = {killers.of(patch) for patch in patches}
-    asked = {(layer, tests) for layer, tests in asked if tests != "*"}  # others have killed nothing yet
-    print("the unchanged sources, by the tests that are asked first", flush=True)
+    asked = set(filter(None, map(killers.known, patches)))  # others have killed nothing yet
+    print("the unchanged sources, by the tests of the table", flush=True)
     try:
         require_unchanged_passes(copy, asked)
     except OutOfTime:
