@@ -6,6 +6,7 @@
 #include <functional>
 #include <numbers>
 #include <random>
+#include <set>
 #include <vector>
 
 #include "shading/grid_walk.h"
@@ -241,6 +242,15 @@ TEST(SegmentKey, differs_by_where_a_segment_starts) {
   EXPECT_NE(a.segment, segment_key({1, 2, 3}, 4, true, {1, 2, 3}).segment);
   EXPECT_NE(a.segment, segment_key({1, 2, 3}, 5, false, {1, 2, 3}).segment);
   EXPECT_EQ(a.segment, segment_key({1, 2, 3}, 4, false, {1, 2, 3}).segment);
+}
+
+// Cells that share them would collide together.
+TEST(GridWalk, every_cell_has_random_numbers_of_its_own) {
+  std::set<uint32_t> keys;
+  for (int32_t x = 0; x < 16; ++x)
+    for (int32_t y = 0; y < 16; ++y)
+      for (int32_t z = 0; z < 16; ++z) keys.insert(cell_key({{x, y, z}}));
+  EXPECT_EQ(keys.size(), 4096u);
 }
 
 TEST(GridWalk, steps_tile_the_segment_and_lie_in_their_cells) {
