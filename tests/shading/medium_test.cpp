@@ -167,6 +167,22 @@ TEST(Cells, ratio_tracking_is_the_transmittance) {
   }
 }
 
+// Too few steps would leave out what a tight bound must not. Their number is Poisson's: its variance is its mean.
+TEST(Cells, are_passed_in_as_many_steps_as_their_bound_says) {
+  constexpr uint32_t kRays = 200000;
+  for (const Line& line : kLines) {
+    const auto density = [&](float t) { return static_cast<float>(line.density(t)); };
+    uint32_t steps = 0;
+    for (uint32_t i = 0; i < kRays; ++i) {
+      OrderlessProduct weight[3];
+      for (int c = 0; c < Line::kCells; ++c)
+        ASSERT_TRUE(pass_cell(line.cell(c), Rgb{1, 0.4f, 0}, {{3, i, 9}, 77}, density, weight, steps));
+    }
+    const double wanted = line.largest * Line::kCells * Line::kCell;
+    EXPECT_NEAR(static_cast<double>(steps) / kRays, wanted, 5 * std::sqrt(wanted / kRays));
+  }
+}
+
 TEST(Cells, collisions_come_where_they_should_in_every_channel) {
   for (const Rgb sigma : {Rgb{1, 1, 1}, Rgb{1, 0.5f, 0.2f}})
     for (const Line& line : kLines) {
