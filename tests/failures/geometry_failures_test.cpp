@@ -218,7 +218,6 @@ TEST(Failures, a_furnace_of_extraordinary_vertices_and_creases) {
         bipyramid + "\"integer creaseindices\" [0 2 3 4] \"integer creaselengths\" [4] \"float "
                     "creasesharpness\" [10] "}) {
     const std::string shape = kGlowing + "Rotate 33 1 2 3 Shape \"subdivmesh\" " + cage + "\n";
-    // Thousands of triangles: a bounce reads what lies outside of memory again.
     const FailureScene scene(view_from({0.05, 0.1, 0.02}, {1, 2, 3}, {0, 0, 1}, 90, 60, 16) + shape, {}, 256);
     scene.expect_same_bits();
     // Shading normals are the surface's, not the triangles': light between the two sorts of horizon is lost, the less
