@@ -53,7 +53,7 @@ TEST_F(CityCommand, text_and_store_are_rendered_and_counted_alike) {
 }
 
 TEST_F(CityCommand, fog_is_a_file_that_text_names_and_stores_take_in) {
-  const std::string options = " --buildings 12 --trees 0 --cars 0 --detail 700 --texels-per-metre 0 --fog=fog,cloud -q";
+  const std::string options = " --buildings 12 --trees 0 --cars 0 --texels-per-metre 0 --fog-cells 48 --fog=fog,cloud -q";
   const Ended text = spillway("city -o text" + options), store = spillway("city -o packed --format store" + options);
   ASSERT_EQ(text.code, 0) << text.said;
   ASSERT_EQ(store.code, 0) << store.said;
