@@ -168,6 +168,8 @@ class RenderLoop {
     SPILLWAY_TRY(shade_hits(state_.inputs, hits, *state_.attributes, *state_.film, wave.paths, wave.shadows,
                             shade_scratch_, report_.shade));
     if (state_.textures) report.textures = gained(state_.textures->counters(), textures_before);
+    AccessLog* const log = state_.options.access_log;
+    if (log != nullptr && state_.textures) SPILLWAY_TRY(log->tiles.append(state_.textures->wave_tiles()));
     report.partition_count = report_.shade.partition_count - before.partition_count;
     for (const int half : {0, 1}) live_[half] = report_.shade.rays_of_half[half] - before.rays_of_half[half];
     return {};
@@ -233,7 +235,8 @@ class RenderLoop {
         state_.inputs.settings,
         {wave.paths.hot, path_hits_, &wave.paths.cold, track_scratch_.path_results, costs.first(path_costs)},
         {wave.shadows.hot, shadow_hits_, &wave.shadows.cold, track_scratch_.shadow_results, costs.subspan(path_costs)},
-        hits, *state_.film, route_scratch_, report_.route, state_.options.hit_batch_rays, state_.costs.get()));
+        hits, *state_.film, route_scratch_, report_.route, {state_.options.sort_hits, state_.options.hit_batch_rays},
+        state_.costs.get()));
     if (state_.plan.spills) order_ = {}, path_hits_ = {}, shadow_hits_ = {};
     return {};
   }

@@ -94,11 +94,12 @@ HitRecord medium_hit(const cache::TraceRay& ray, const PathRecord& path, float d
 
 Status route_hits(const PathSettings& settings, const TracedPaths& paths, const TracedShadows& shadows,
                   cache::ExternalSort<HitRecord>& hits, Film& film, RouteHitsScratch& scratch, RouteHitsReport& report,
-                  uint32_t batch_rays, PixelCosts* pixel_costs) {
+                  const HitOrder& order, PixelCosts* pixel_costs) {
   // Batches follow the order of rays; inside, the triangle comes first.
   const auto key_of = [&](const HitRecord& hit, size_t ray) {
-    if (batch_rays == 0) return hit_key(hit);
-    return cache::SortKey{uint64_t{ray / batch_rays} << 32 | hit.hit.prim, ray};
+    if (!order.is_sorted) return cache::SortKey{uint64_t{hit.hit.prim == kMediumPrim} << 32 | ray, 0};
+    if (order.batch_rays == 0) return hit_key(hit);
+    return cache::SortKey{uint64_t{ray / order.batch_rays} << 32 | hit.hit.prim, ray};
   };
   const bool has_outside_light = shading::has_infinite_light(settings.lights);
   const auto route_path = [&](size_t i, PathRecord path, RoutedBlock& out) {

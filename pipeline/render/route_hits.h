@@ -60,10 +60,15 @@ struct RouteHitsScratch {
 // Where a path collides in its medium, at a distance in world units.
 [[nodiscard]] HitRecord medium_hit(const cache::TraceRay& ray, const PathRecord& path, float distance);
 
-// batch_rays: hits of so many rays are sorted together, one batch after the other; 0: all (see RenderOptions).
+// How hits are keyed; see RenderOptions. Unsorted ones keep the order of their rays, paths first, those in media last.
+struct HitOrder {
+  bool is_sorted = true;
+  uint32_t batch_rays = 0;  // hits of so many rays are sorted together, one batch after the other; 0: all
+};
+
 // pixel_costs: each ray's cost is added to its pixel; null: none is.
 Status route_hits(const PathSettings& settings, const TracedPaths& paths, const TracedShadows& shadows,
                   cache::ExternalSort<HitRecord>& hits, Film& film, RouteHitsScratch& scratch, RouteHitsReport& report,
-                  uint32_t batch_rays = 0, PixelCosts* pixel_costs = nullptr);
+                  const HitOrder& order = {}, PixelCosts* pixel_costs = nullptr);
 
 }  // namespace spillway::pipeline

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <mutex>
+#include <numeric>
 #include <utility>
 #include <vector>
 
@@ -29,6 +30,13 @@ struct BlockScratch {
   std::vector<AovRecord> aovs;
   std::array<uint32_t, kBlockHits> lookups;  // by hit, when costs are counted
   MaterialResolver::Scratch resolver;
+};
+
+// A hit whose attributes have left memory before it is shaded.
+struct GatheredHit {
+  ShadingPoint point;
+  FacePoint face;
+  uint32_t mesh;
 };
 
 // What one block of hits turned into, in the batch scratch from `first` on.
@@ -75,6 +83,39 @@ class Shader {
     return {};
   }
 
+  // A batch in the order in which its hits arrived: the blocks that hold it are swept to gather it, unless all are in
+  // memory.
+  Status shade_arrived(std::span<const HitRecord> hits, RayColumns<PathRecord>& paths,
+                       RayColumns<ShadowRecord>& shadows, ShadeHitsReport& report) {
+    const bool resident = attributes_.parts().all_resident();
+    if (resident && out_.touched_blocks == nullptr) return shade_batch(hits, {}, paths, shadows, report);
+    std::vector<uint32_t> by_prim(hits.size());
+    std::iota(by_prim.begin(), by_prim.end(), 0u);
+    const auto prim = [&](uint32_t hit) { return hits[hit].hit.prim; };
+    std::ranges::sort(by_prim, {}, prim);
+    std::vector<uint32_t> blocks;
+    for (const uint32_t hit : by_prim)
+      if (blocks.empty() || prim(hit) >= attributes_.end_prim(blocks.back()))
+        blocks.push_back(attributes_.block_of(prim(hit)));
+    if (out_.touched_blocks) out_.touched_blocks->insert(out_.touched_blocks->end(), blocks.begin(), blocks.end());
+    if (resident) return shade_batch(hits, {}, paths, shadows, report);
+    report.attribute_blocks_touched += blocks.size();
+    gathered_.renew(MemoryTag::paths, kBatchHits);
+    size_t first = 0;
+    SPILLWAY_TRY(attributes_.parts().sweep(blocks, [&](uint32_t block, std::span<const std::byte> bytes) -> Status {
+      const auto from = by_prim.begin() + static_cast<ptrdiff_t>(first);
+      const uint64_t end_prim = attributes_.end_prim(block);
+      const auto end = std::partition_point(from, by_prim.end(), [&](uint32_t hit) { return prim(hit) < end_prim; });
+      first = static_cast<size_t>(end - by_prim.begin());
+      gather_apart(hits, std::span(from, end), bytes);
+      return {};
+    }));
+    gathered_of_ = hits;
+    const Status shaded = shade_batch(hits, {}, paths, shadows, report);
+    gathered_of_ = {};
+    return shaded;
+  }
+
  private:
   // Blocks in order, each copied by whichever thread is free.
   template <class Record>
@@ -98,13 +139,13 @@ class Shader {
 
   // Where the triangles of sorted hits lie: neighbours share a segment.
   void find_triangles(std::span<const HitRecord> hits, std::span<const std::byte> bytes, BlockScratch& scratch) const {
-    uint64_t end_prim = 0;  // of the resident block in `bytes`, when there is none given
+    uint64_t first_prim = 0, end_prim = 0;  // of the resident block in `bytes`, when there is none given
     cache::TrianglePlace place;
     for (size_t i = 0; i < hits.size(); ++i) {
       const uint32_t prim = hits[i].hit.prim;
-      if (prim >= end_prim) {
+      if (prim >= end_prim || prim < first_prim) {
         const uint32_t block = attributes_.block_of(prim);
-        end_prim = attributes_.end_prim(block);
+        first_prim = attributes_.first_prim(block), end_prim = attributes_.end_prim(block);
         if (const auto resident = attributes_.resident(block); !resident.empty()) bytes = resident;
       }
       scratch.places[i] = place = cache::triangle_place(bytes, PrimId{prim}, place);
@@ -112,24 +153,50 @@ class Shader {
     }
   }
 
-  void gather(std::span<const HitRecord> hits, std::span<const std::byte> bytes, BlockScratch& scratch) {
-    find_triangles(hits, bytes, scratch);
-    for (size_t i = 0; i < hits.size(); ++i) {
-      if (i + kPrefetch < hits.size()) cache::prefetch_vertices(scratch.places[i + kPrefetch]);
-      const HitRecord& hit = hits[i];
-      const cache::TriangleAttributes triangle = cache::triangle_attributes(scratch.places[i]);
-      Pose moved;
-      const InstanceTransform transform = instance_transform(inputs_, hit, moved);
-      const uint32_t mesh = triangle.mesh.value;
-      const bool flip = inputs_.tables.meshes[mesh].flags & kMeshFlipNormals;
-      scratch.points[i] = shading_point(triangle, hit, transform, flip);
-      set_media(inputs_.tables.meshes[mesh], hit.path.medium, scratch.points[i]);
-      if (triangle.has_face) {
-        scratch.face_points[i] =
-            face_point(triangle, hit, transform, scratch.points[i].width_world, inputs_.settings.seed);
-        scratch.points[i].face = &scratch.face_points[i];
+  // Returns the mesh.
+  uint32_t gather_one(const HitRecord& hit, const cache::TrianglePlace& place, ShadingPoint& point,
+                      FacePoint& face) const {
+    const cache::TriangleAttributes triangle = cache::triangle_attributes(place);
+    Pose moved;
+    const InstanceTransform transform = instance_transform(inputs_, hit, moved);
+    const uint32_t mesh = triangle.mesh.value;
+    const bool flip = inputs_.tables.meshes[mesh].flags & kMeshFlipNormals;
+    point = shading_point(triangle, hit, transform, flip);
+    set_media(inputs_.tables.meshes[mesh], hit.path.medium, point);
+    if (triangle.has_face) {
+      face = face_point(triangle, hit, transform, point.width_world, inputs_.settings.seed);
+      point.face = &face;
+    }
+    return mesh;
+  }
+
+  // Some hits of a batch, ascending, that lie in one block.
+  void gather_apart(std::span<const HitRecord> hits, std::span<const uint32_t> which,
+                    std::span<const std::byte> bytes) {
+    parallel_blocks(which.size(), kBlockHits, [&](size_t, size_t first, size_t last) {
+      cache::TrianglePlace place;
+      for (const uint32_t hit : which.subspan(first, last - first)) {
+        place = cache::triangle_place(bytes, PrimId{hits[hit].hit.prim}, place);
+        GatheredHit& to = gathered_[hit];
+        to.mesh = gather_one(hits[hit], place, to.point, to.face);
       }
-      scratch.queries[i] = SurfaceQuery{&hit, &scratch.points[i], mesh, true, 0, {}};
+    });
+  }
+
+  void gather(std::span<const HitRecord> hits, std::span<const std::byte> bytes, BlockScratch& scratch) {
+    const bool is_done = !gathered_of_.empty();
+    if (!is_done) find_triangles(hits, bytes, scratch);
+    for (size_t i = 0; i < hits.size(); ++i) {
+      uint32_t mesh = 0;
+      if (is_done) {
+        const GatheredHit& from = gathered_[static_cast<size_t>(&hits[i] - gathered_of_.data())];
+        scratch.points[i] = from.point, scratch.face_points[i] = from.face, mesh = from.mesh;
+        if (from.point.face != nullptr) scratch.points[i].face = &scratch.face_points[i];
+      } else {
+        if (i + kPrefetch < hits.size()) cache::prefetch_vertices(scratch.places[i + kPrefetch]);
+        mesh = gather_one(hits[i], scratch.places[i], scratch.points[i], scratch.face_points[i]);
+      }
+      scratch.queries[i] = SurfaceQuery{&hits[i], &scratch.points[i], mesh, true, 0, {}};
     }
   }
 
@@ -230,6 +297,8 @@ class Shader {
   Film& film_;
   ShadeHitsScratch& out_;
   tbb::enumerable_thread_specific<BlockScratch> scratches_;
+  Buffer<GatheredHit> gathered_;            // by hit of
+  std::span<const HitRecord> gathered_of_;  // this batch; none: hits are gathered as they are shaded
   std::mutex failure_mutex_;
   Status failure_;
 };
@@ -307,9 +376,20 @@ Status shade_hits(const ShadeInputs& inputs, cache::ExternalSort<HitRecord>& hit
       return shade_range(range, bytes);
     });
   };
+  const auto shade_unsorted = [&](std::span<const HitRecord> all) -> Status {
+    const auto [surfaces, in_media] = surfaces_and_media(all);
+    for (size_t first = 0; first < surfaces.size(); first += kBatchHits)
+      SPILLWAY_TRY(shader.shade_arrived(surfaces.subspan(first, std::min(kBatchHits, surfaces.size() - first)),
+                                        next_paths, next_shadows, report));
+    return shade_range(in_media, {});
+  };
   for (size_t p = 0; p < hits.partition_count(); ++p) {
     SPILLWAY_ASSIGN(const std::span<const HitRecord> partition, hits.partition(p));
     ++report.partition_count;
+    if (!inputs.hits_are_sorted) {
+      SPILLWAY_TRY(shade_unsorted(partition));
+      continue;
+    }
     for (size_t first = 0; first < partition.size();) {
       const auto rest = partition.subspan(first);
       const auto end = std::is_sorted_until(

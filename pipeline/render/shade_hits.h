@@ -4,7 +4,8 @@
 //
 // In: sorted hits, partition by partition; attribute blocks, read in file order, each once a wave.
 // Out: path and shadow rays of the next wave, hot and cold columns; splats and AOVs -> film.
-// Memory: one batch of outputs (ShadeHitsScratch, tag paths); the next wave's columns spill as planned.
+// Memory: one batch of outputs (ShadeHitsScratch, tag paths); the next wave's columns spill as planned. A batch of hits
+// that are not sorted, of attributes that do not fit, is gathered first: 3 MiB more.
 // Order: outputs are appended in the order of hits; a vertex depends on its own records alone.
 // Based on: deferred, sorted shading (Eisenacher et al. 2013, section 4).
 
@@ -39,6 +40,7 @@ struct ShadeInputs {
   const MaterialResolver* resolver = nullptr;
   bool wants_aovs = false;
   PixelCosts* costs = nullptr;        // lookups and scatterings are added; null: nobody asks
+  bool hits_are_sorted = true;        // else in the order in which they arrived, those in media last (ablation)
   bool stages_face_textures = false;  // reads their tiles ahead, a batch at a time: some are not in memory
 };
 

@@ -140,8 +140,7 @@ Status add_painted(pipeline::SceneSink& sink, const Geometry& g, PaintGroup grou
   format.encoding = cache::FaceTexEncoding::srgb;
   cache::FaceTextureShape shape;
   shape.name = fmt::format("{}_{}", place.name, city::name(group));
-  for (const PaintedFace& face : mesh.faces)
-    shape.faces.push_back({.ulog2 = face.size.ulog2, .vlog2 = face.size.vlog2});
+  shape.faces = face_infos(mesh);
   const std::string name = shape.name;
   SPILLWAY_ASSIGN(const FaceTextureId paint, sink.begin_face_texture(format, std::move(shape)));
   SPILLWAY_TRY(add_texels(sink, g, mesh));
