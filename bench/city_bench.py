@@ -4,7 +4,7 @@
   bench/city_bench.py memory     time against memory, street and aerial
   bench/city_bench.py size       time against size, 1, 4, 16 and 64 times, at one budget
   bench/city_bench.py ablations  what each idea is worth: switches that cannot change a bit
-  bench/city_bench.py forest     a million instanced trees behind houses, against memory
+  bench/city_bench.py forest     a million instanced trees behind a city, against memory
   bench/city_bench.py whatif     predictions from one log against renders
 
 Stores, reports and results are kept in --work, so that a benchmark can be made in pieces (--only) and goes on where it
@@ -14,6 +14,7 @@ import argparse
 import json
 import math
 import os
+import random
 import re
 import subprocess
 import sys
@@ -53,6 +54,17 @@ class Bench:
                      '--format', 'store', '--memory', '2GiB', '--texels-per-metre', 0, '-q', *more)
         return store
 
+    def forest(self, buildings, trees):
+        """The store of a city with a forest behind it: its own trees, entered so many times more."""
+        folder = os.path.join(self.work, f'forest-{buildings}-{trees}')
+        store = os.path.join(folder, 'city.store')
+        if not os.path.exists(os.path.join(store, 'manifest.spw')):
+            self.run(self.arguments.spillway, 'city', '-o', folder, '--buildings', buildings, '--camera', 'aerial',
+                     '--texels-per-metre', 0, '--terrain', 'flat', '-q')
+            plant_forest(folder, trees)
+            self.run(self.arguments.spillway, 'pack', os.path.join(folder, 'city.pbrt'), '-o', store, '--memory', '2GiB', '-q')
+        return store
+
     def render(self, store, *more, spp=None, log=None):
         report = os.path.join(self.work, 'report.json')
         a = self.arguments
@@ -89,6 +101,27 @@ class Bench:
         if not marks.search(text):
             text += f'\n## {TITLES[mark]}\n\n`bench/city_bench.py {mark}`\n\n{block}\n'
         open(path, 'w').write(marks.sub(lambda _: block, text))
+
+
+def plant_forest(folder, trees):
+    """Writes instances of the city's trees in a half ring behind it, as its camera looks, one on eighteen square metres."""
+    kinds = sorted(set(re.findall(r'ObjectBegin "(tree\d+)"', open(os.path.join(folder, 'objects.pbrt')).read())))
+    scene = open(os.path.join(folder, 'city.pbrt')).read()
+    at = [float(word) for word in re.search(r'LookAt ([^\n]*)', scene).group(1).split()]
+    ahead = math.atan2(at[4] - at[1], at[3] - at[0])
+    inner = json.load(open(os.path.join(folder, 'manifest.json')))['radius_m'] * 1.1
+    outer = math.sqrt(inner * inner + trees * 2 * 9 / math.pi * 2)
+    numbers = random.Random(1)
+    with open(os.path.join(folder, 'forest.pbrt'), 'w') as file:
+        for _ in range(trees):
+            radius = math.sqrt(numbers.uniform(inner * inner, outer * outer))
+            angle, turn, scale = ahead + numbers.uniform(-1, 1) * math.pi / 2, numbers.uniform(0, math.tau), numbers.uniform(0.7, 1.3)
+            c, s = scale * math.cos(turn), scale * math.sin(turn)
+            file.write(f'AttributeBegin\nTransform [ {c:.6f} {s:.6f} 0 0 {-s:.6f} {c:.6f} 0 0 0 0 {scale:.6f} 0 '
+                       f'{radius * math.cos(angle):.3f} {radius * math.sin(angle):.3f} 0 1 ]\n'
+                       f'ObjectInstance "{numbers.choice(kinds)}"\nAttributeEnd\n')
+    with open(os.path.join(folder, 'city.pbrt'), 'a') as file:
+        file.write('Include "forest.pbrt"\n')
 
 
 def facts(report):
@@ -168,7 +201,10 @@ def memory(bench):
 
 
 def forest(bench):
-    geometry, whole, rows = against_memory(bench, 'forest', lambda: bench.arguments.forest)
+    a = bench.arguments
+    geometry, whole, rows = against_memory(bench, 'forest', lambda: bench.forest(a.buildings, a.trees))
+    if not whole or not geometry:
+        return
     lines = ['| memory | budget GiB | seconds | of unlimited | waves | pages evicted | page GiB read | resident GiB |',
              '|---|---|---|---|---|---|---|---|']
     lines.append(f'| unlimited ({geometry["triangles"] / 1e6:.1f} M triangles, seen as {geometry["instanced"] / 1e9:.1f} G) | | '
@@ -185,8 +221,8 @@ def forest(bench):
 
 def size(bench):
     base = bench.arguments.buildings
-    lines = ['| size | M triangles | geometry GiB | seconds | M rays | ns a ray | page GiB read | resident GiB |',
-             '|---|---|---|---|---|---|---|---|']
+    lines = ['| size | M triangles | geometry GiB | seconds | M rays | ns a ray | pages evicted | page GiB read | resident GiB |',
+             '|---|---|---|---|---|---|---|---|---|']
     points = []
     for times in (1, 4, 16, 64):
         store = lambda: bench.city(base * times, bench.arguments.camera)
@@ -195,13 +231,13 @@ def size(bench):
         if not row or not geometry:
             continue
         ray = row['seconds'] / row['rays']
-        points.append((geometry['triangles'], ray, geometry['bytes']))
+        points.append((geometry['triangles'], ray, row['pages_evicted']))
         lines.append(f'| {times} x | {geometry["triangles"] / 1e6:.1f} | {gib(geometry["bytes"])} | {row["seconds"]:.1f} | '
-                     f'{row["rays"] / 1e6:.1f} | {ray * 1e9:.0f} | {gib(row["page_bytes_read"])} | {gib(row["resident_bytes"])} |')
-    beyond = [p for p in points if p[2] > 0.5 * GIB]
+                     f'{row["rays"] / 1e6:.1f} | {ray * 1e9:.0f} | {row["pages_evicted"]} | {gib(row["page_bytes_read"])} | {gib(row["resident_bytes"])} |')
+    beyond = [p for p in points if p[2] > 0]  # where pages had to leave memory
     if len(beyond) >= 2:
         (n0, t0, _), (n1, t1, _) = beyond[0], beyond[-1]
-        lines.append(f'\nExponent of the time a ray, from {n0 / 1e6:.1f} to {n1 / 1e6:.1f} M triangles: '
+        lines.append(f'\nExponent of the time a ray, from {n0 / 1e6:.1f} to {n1 / 1e6:.1f} M triangles, where pages are evicted: '
                      f'**{math.log(t1 / t0) / math.log(n1 / n0):.2f}**.')
     svg = chart.lines('Time against size', 'million triangles', 'ns a ray', {
         f'--memory {bench.arguments.memory}': [(n / 1e6, t * 1e9) for n, t, _ in points]}, (True, True)) if points else ''
@@ -247,28 +283,29 @@ def ablations(bench):
 # ---- what another budget would do ----
 
 def whatif(bench):
-    store = lambda: bench.city(bench.arguments.buildings, bench.arguments.camera)
-    geometry = bench.once('geometry', lambda: geometry_bytes(bench, store()))
-    log = os.path.join(bench.work, 'whatif.access')
-    whole = bench.once('unlimited', lambda: facts(bench.render(store(), log=log)))
-    lines = ['| memory for geometry | budget GiB | seconds, predicted | rendered | ratio | page GiB, predicted | rendered | ratio |',
+    lines = ['| camera, memory for geometry | budget GiB | seconds, predicted | rendered | ratio | page GiB, predicted | rendered | ratio |',
              '|---|---|---|---|---|---|---|---|']
-    series = {'predicted': [], 'rendered': []}
-    if whole and geometry:
+    series = {}
+    for camera in ('street', 'aerial'):
+        store = lambda: bench.city(bench.arguments.buildings, camera)
+        geometry = bench.once(f'{camera}-geometry', lambda: geometry_bytes(bench, store()))
+        log = os.path.join(bench.work, f'whatif-{camera}.access')
+        whole = bench.once(f'{camera}-unlimited', lambda: facts(bench.render(store(), log=log)))
+        if not whole or not geometry:
+            continue
         fixed = whole['floor_bytes'] + whole['film_bytes'] + 512 * MIB
         for share in SHARES:
             budget = fixed + geometry['bytes'] * share // 100
-            row = bench.once(f'{share}', lambda: facts(bench.render(store(), '--memory', budget)))
+            row = bench.once(f'{camera}-{share}', lambda: facts(bench.render(store(), '--memory', budget)))
             if not row:
                 continue
             said = json.loads(bench.run(bench.arguments.spillway, 'whatif', log, '--memory', budget, '--json').stdout)[0]
-            series['predicted'].append((share, said['seconds']))
-            series['rendered'].append((share, row['seconds']))
-            lines.append(f'| {share} % | {gib(budget)} | {said["seconds"]:.1f} | {row["seconds"]:.1f} | '
+            series.setdefault(f'{camera}, predicted', []).append((share, said['seconds']))
+            series.setdefault(f'{camera}, rendered', []).append((share, row['seconds']))
+            lines.append(f'| {camera}, {share} % | {gib(budget)} | {said["seconds"]:.1f} | {row["seconds"]:.1f} | '
                          f'**{said["seconds"] / row["seconds"]:.2f}** | {gib(said["page_bytes"])} | {gib(row["page_bytes_read"])} | '
                          f'**{said["page_bytes"] / max(1, row["page_bytes_read"]):.2f}** |')
-    svg = chart.lines('What another budget would do', 'memory for geometry, %', 'seconds', series, (True, False)) \
-        if series['rendered'] else ''
+    svg = chart.lines('What another budget would do', 'memory for geometry, %', 'seconds', series, (True, False)) if series else ''
     bench.publish('whatif', '\n'.join(lines), svg)
 
 
@@ -279,7 +316,7 @@ def main():
     parser.add_argument('--work', required=True, help='directory for stores and results')
     parser.add_argument('--buildings', type=int, default=10500, help='of the city; of the smallest for size [%(default)s]')
     parser.add_argument('--camera', default='street')
-    parser.add_argument('--forest', help='of forest: a store of houses and instanced trees, of `spillway city --format store --trees N`')
+    parser.add_argument('--trees', type=int, default=1000000, help='of the forest [%(default)s]')
     parser.add_argument('--share', type=int, default=25, help='%% of the geometry in memory, for ablations [%(default)s]')
     parser.add_argument('--memory', default='1GiB', help='budget for size [%(default)s]')
     parser.add_argument('--resolution', default='1280x720')
@@ -288,8 +325,6 @@ def main():
     parser.add_argument('--only', action='append', help='regular expressions of the results to make now')
     parser.add_argument('--write', action='store_true', help='into bench/RESULTS.md and bench/charts')
     arguments = parser.parse_args()
-    if arguments.bench == 'forest' and arguments.forest is None:
-        parser.error('forest needs --forest STORE')
     arguments.spillway = os.path.abspath(arguments.spillway)
     globals()[arguments.bench](Bench(arguments))
 
