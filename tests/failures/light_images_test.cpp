@@ -149,11 +149,11 @@ const pipeline::Estimator kEstimators[] = {pipeline::Estimator::mis_power, pipel
                                            pipeline::Estimator::bsdf};
 
 // Each strategy alone, and both together.
-void expect_by_all(FailureScene& scene, double answer, double largest_error = 0.01) {
+void expect_by_all(FailureScene& scene, double answer, double largest_error = 0.01, uint32_t samples = 128) {
   ASSERT_EQ(scene.error(), "");
   for (const pipeline::Estimator estimator : kEstimators) {
     scene.use(estimator);
-    expect_unbiased(scene, answer, {.seeds = 8, .samples = 128, .largest_error = largest_error});
+    expect_unbiased(scene, answer, {.seeds = 8, .samples = samples, .largest_error = largest_error});
     scene.expect_same_bits();
   }
 }
@@ -216,14 +216,14 @@ TEST(LightImages, a_lamp_with_an_image_shines_through_media_and_interfaces) {
 // Where it is not opaque a lamp does not shine, whoever asks.
 TEST(LightImages, a_lamp_shines_as_far_as_it_is_opaque) {
   FailureScene half(view_of(0, 0, 0.1) + kFloor + placed(0, "\"rgb L\" [2 2 2]", " \"float alpha\" 0.25"));
-  expect_by_all(half, answer_below([](double, double) { return 2 * 0.25; }), 0.02);
+  expect_by_all(half, answer_below([](double, double) { return 2 * 0.25; }), 0.02, 512);
   FailureScene cut(
       view_of(0, 0, 0.1) + kFloor +
           "Texture \"mask\" \"float\" \"imagemap\" \"string filename\" \"a.exr\" \"string wrap\" \"clamp\"\n" +
           placed(3, "\"rgb L\" [2 2 2]", " \"texture alpha\" \"mask\""),
       image(2, 1, {0, 1}));
   const auto ramp = [](double u) { return std::clamp(2 * u - 0.5, 0.0, 1.0); };
-  expect_by_all(cut, answer_below([&](double u, double) { return 2 * ramp(u); }), 0.02);
+  expect_by_all(cut, answer_below([&](double u, double) { return 2 * ramp(u); }), 0.02, 512);
 }
 
 // Shadow rays and paths pass masks and meet the lamp once: two grey masks take a share each, one with an image by where
@@ -242,7 +242,7 @@ TEST(LightImages, a_lamp_behind_alpha_masks_is_met_once) {
   FailureScene grey(
       view + kFloor + mask(0.3, "\"float alpha\" 0.4") + mask(0.5, "\"float alpha\" 0.25") + placed(0, kEmits),
       image(4, 4, kPicture));
-  expect_by_all(grey, answer_below([](double u, double v) { return 2 * picture(u, v) * 0.6 * 0.75; }), 0.03);
+  expect_by_all(grey, answer_below([](double u, double v) { return 2 * picture(u, v) * 0.6 * 0.75; }), 0.03, 512);
   FailureScene cut(
       view + kFloor +
           "Texture \"mask\" \"float\" \"imagemap\" \"string filename\" \"a.exr\" \"string wrap\" \"clamp\"\n" +
@@ -254,7 +254,7 @@ TEST(LightImages, a_lamp_behind_alpha_masks_is_met_once) {
       return 2 * (1 - (2 * (met + 4) / 8 - 0.5));
     });
   });
-  expect_by_all(cut, kAlbedo / M_PI * e, 0.02);
+  expect_by_all(cut, kAlbedo / M_PI * e, 0.02, 512);
 }
 
 }  // namespace

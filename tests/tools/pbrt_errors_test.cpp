@@ -258,7 +258,7 @@ TEST(pbrt_errors, lights_are_checked) {
       {"WorldBegin LightSource \"projection\" \"string filename\" \"a.exr\" \"float fov\" 180",
        "scene.pbrt:1:24: \"fov\" must be between 0 and 180 degrees"},
       {"WorldBegin LightSource \"projection\" \"string filename\" [\"a.exr\" \"b.exr\"]",
-       "scene.pbrt:1:37: \"string filename\" takes 1 values, not 2"},
+       "scene.pbrt:1:37: \"string filename\" takes 1 value, not 2"},
       {"WorldBegin LightSource \"projection\" \"string filename\" \"a.exr\" \"rgb I\" [1 1 1]",
        "scene.pbrt:1:63: LightSource \"projection\" has no parameter \"rgb I\""},
       {"WorldBegin Scale 1 2 1 LightSource \"projection\" \"string filename\" \"a.exr\"",
