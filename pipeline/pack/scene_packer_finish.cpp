@@ -42,6 +42,7 @@ struct ScenePacker::Packed {
   PackedPageTree tree;
   PackedLights lights;
   std::vector<Rgb> environment;
+  PackedLightImages light_images;
   PackedMedia media;
   std::unique_ptr<cache::TextureCache> textures;  // of the images; null without any
 };
@@ -205,9 +206,22 @@ Status ScenePacker::write_lights(Packed& packed) {
     SPILLWAY_ASSIGN(packed.environment,
                     pack_environment(image, packed.images[image], *packed.textures, images_[image].file.string()));
   }
+  SPILLWAY_TRY(write_light_images(packed));
   const BuildLightTreeOptions tree{.scratch = scratch_.get(), .memory_limit_bytes = options_.memory_limit_bytes / 8};
-  SPILLWAY_ASSIGN(packed.lights, pack_lights(scene_, {lights_, packed.environment, instances_, emitting_instance_count_,
-                                                      packed.tree.bounds_world, tree}));
+  SPILLWAY_ASSIGN(packed.lights, pack_lights(scene_, {lights_, packed.environment, packed.light_images.images,
+                                                      instances_, emitting_instance_count_, packed.tree.bounds_world,
+                                                      tree, textures_, packed.images, packed.textures.get()}));
+  return {};
+}
+
+Status ScenePacker::write_light_images(Packed& packed) {
+  if (image_lights_.empty()) return {};
+  std::vector<std::string> names;
+  for (const ImageSource& image : images_) names.push_back(image.file.string());
+  SPILLWAY_ASSIGN(packed.light_images, pack_light_images(image_lights_, packed.images, names, packed.textures.get()));
+  for (const ImageLightInput& image_light : image_lights_)
+    for (shading::Light& light : lights_)
+      if (shading::throws_image(light) && light.image == image_light.light.image) light = image_light.light;
   return {};
 }
 
@@ -354,6 +368,10 @@ Status ScenePacker::write_manifest(const Packed& packed) {
   add(section::kInstanceLeaves, packed.lights.trees.instance_leaves);
   add(section::kPortals, portals_);
   add(section::kEnvironment, packed.environment);
+  if (!packed.light_images.images.empty()) {
+    add(section::kLightImages, packed.light_images.images);
+    add(section::kLightTexels, packed.light_images.texels);
+  }
   add(section::kPages, packed.pages.pages);
   add(section::kTreeNodes, packed.tree.nodes);
   add(section::kTreeEntries, packed.tree.entries);

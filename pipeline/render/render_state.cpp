@@ -116,6 +116,8 @@ void connect(RenderState& state) {
   in.settings.media = store.medium_tables().media;
   in.settings.estimator = settings.render.estimator, in.settings.roulette = settings.render.roulette != 0;
   in.tables = {store.meshes(), store.materials(), state.evaluator.get()};
+  if (const shading::LightTable& lights = in.settings.lights; !lights.places.empty())
+    in.tables.emissions = lights.emissions, in.tables.emitters = lights.emitters;
   in.instances = store.page_tree().instances;
   in.motions = store.motions();
   state.resolver = std::make_unique<MaterialResolver>(in.tables, settings.render.seed);

@@ -3,8 +3,10 @@
 // Stage route_hits: sends what trace_rays found on its way.
 //
 // In: hot columns and results of a wave, in memory; cold columns, read front to back once.
-// Out: surfaces, and places in media, to be shaded -> the hit sort, keyed by (material, mesh, face, place on the face, path); light from
-//      outside the scene and shadow rays that arrived -> film.
+// Out: surfaces, and places in media, to be shaded -> the hit sort, keyed by (material, mesh, face, place on the face,
+// path); light from
+//      outside the scene and shadow rays that arrived -> film; those that arrived where emission is looked up -> the
+//      hit sort, at the place on their light.
 // Memory: one batch of records (RouteHitsScratch, tag paths). What does not fit of the hits is spilled by the sort.
 // Order: records are appended in the order of the rays; film adds are integers, so their order does not matter.
 // Based on: deferred shading sorted by shading context (Eisenacher et al. 2013, section 4).
@@ -36,6 +38,7 @@ struct TracedShadows {
   const cache::RecordStream<ShadowRecord>* records;
   std::span<const SegmentResult> media = {};
   std::span<const RayCost> costs = {};
+  const cache::RecordStream<shading::LightPlace>* ends = nullptr;  // where on their lights, when emission is looked up
 };
 
 struct RouteHitsReport {
@@ -52,6 +55,7 @@ struct RouteHitsScratch {
   Buffer<HitRecord> hits{MemoryTag::paths, kBatchRecords};
   Buffer<cache::SortKey> keys{MemoryTag::paths, kBatchRecords};
   Buffer<SplatRecord> splats{MemoryTag::paths, kBatchRecords};
+  Buffer<shading::LightPlace> ends;  // where emission is looked up
 };
 
 // Hits by (prim: material-major, place on the face), then by the ray, which makes keys unique.

@@ -59,11 +59,13 @@ struct ShadedBlock {
 class Shader {
  public:
   Shader(const ShadeInputs& inputs, AttributeStore& attributes, Film& film, ShadeHitsScratch& out)
-      : inputs_(inputs), attributes_(attributes), film_(film), out_(out) {}
+      : inputs_(inputs), attributes_(attributes), film_(film), out_(out) {
+    if (looks_up_emission()) out.shadow_ends.renew(MemoryTag::paths, kBatchHits);
+  }
 
   // bytes: the attribute block that holds all of these hits; empty: each hit's block is resident.
   Status shade_batch(std::span<const HitRecord> hits, std::span<const std::byte> bytes, RayColumns<PathRecord>& paths,
-                     RayColumns<ShadowRecord>& shadows, ShadeHitsReport& report) {
+                     ShadowColumns& shadows, ShadeHitsReport& report) {
     if (inputs_.stages_face_textures) SPILLWAY_TRY(stage_face_textures(hits, bytes));
     std::array<ShadedBlock, kBatchHits / kBlockHits> blocks;
     parallel_blocks(hits.size(), kBlockHits, [&](size_t b, size_t first, size_t last) {
@@ -74,6 +76,7 @@ class Shader {
     const std::span<const ShadedBlock> done = std::span(blocks).first(block_count(hits.size(), kBlockHits));
     SPILLWAY_TRY(append(out_.path_rays, out_.paths, done, &ShadedBlock::path_count, paths));
     SPILLWAY_TRY(append(out_.shadow_rays, out_.shadows, done, &ShadedBlock::shadow_count, shadows));
+    if (shadows.ends) SPILLWAY_TRY(append(out_.shadow_ends, done, &ShadedBlock::shadow_count, *shadows.ends));
     for (const ShadedBlock& block : done) {
       report.path_count += block.path_count, report.shadow_count += block.shadow_count;
       report.let_through_count += block.let_through_count;
@@ -117,24 +120,30 @@ class Shader {
   }
 
  private:
+  [[nodiscard]] bool looks_up_emission() const { return !inputs_.settings.lights.places.empty(); }
+
+  template <class Record>
+  static Status append(const Buffer<Record>& records, std::span<const ShadedBlock> blocks, uint32_t ShadedBlock::*count,
+                       cache::RecordStream<Record>& to) {
+    std::array<cache::RecordSpan, kBatchHits / kBlockHits> pieces;
+    for (size_t b = 0; b < blocks.size(); ++b) pieces[b] = {records.data() + blocks[b].first, blocks[b].*count};
+    return to.append(std::span<const cache::RecordSpan>(pieces).first(blocks.size()));
+  }
+
   // Blocks in order, each copied by whichever thread is free.
   template <class Record>
   static Status append(const Buffer<cache::TraceRay>& rays, const Buffer<Record>& records,
                        std::span<const ShadedBlock> blocks, uint32_t ShadedBlock::*count, RayColumns<Record>& to) {
-    std::array<cache::RecordSpan, kBatchHits / kBlockHits> pieces;
     std::array<size_t, kBatchHits / kBlockHits> places;
     size_t end = to.hot.size();
-    for (size_t b = 0; b < blocks.size(); ++b) {
-      places[b] = std::exchange(end, end + blocks[b].*count);
-      pieces[b] = {records.data() + blocks[b].first, blocks[b].*count};
-    }
+    for (size_t b = 0; b < blocks.size(); ++b) places[b] = std::exchange(end, end + blocks[b].*count);
     SPILLWAY_CHECK(end, <=, to.hot.capacity());
     to.hot.set_size(end);
     parallel_blocks(blocks.size(), 8, [&](size_t, size_t first, size_t last) {
       for (size_t b = first; b < last; ++b)
         std::copy_n(rays.data() + blocks[b].first, blocks[b].*count, to.hot.data() + places[b]);
     });
-    return to.cold.append(std::span<const cache::RecordSpan>(pieces).first(blocks.size()));
+    return append(records, blocks, count, to.cold);
   }
 
   // Where the triangles of sorted hits lie: neighbours share a segment.
@@ -222,6 +231,7 @@ class Shader {
       out_.shadow_rays[at] = ray_beyond(hit, *q.point);
       out_.shadows[at] = {hit.path.sink, hit.path.sample, medium_beyond(*q.point, hit.direction_world), hit.path.bounce,
                           hit.path.throughput};
+      if (looks_up_emission()) out_.shadow_ends[at] = shadow_end(hit);
       return;
     }
     const size_t at = out.next_path(hit.path.sample);
@@ -239,11 +249,13 @@ class Shader {
     if (vertex.has_shadow) {
       const size_t at = out.next_shadow(sample);
       out_.shadow_rays[at] = vertex.shadow_ray, out_.shadows[at] = vertex.shadow;
+      if (looks_up_emission()) out_.shadow_ends[at] = vertex.shadow_end;
     }
   }
 
   void shade_one(const SurfaceQuery& q, BlockScratch& scratch, ShadedBlock& out) {
     if (!q.stopped) return let_through(q, out);
+    if (q.hit->is_shadow == kShadowArrived) return scratch.splats.push_back(arrived_splat(*q.hit, q.values));
     if (q.hit->is_shadow) return;
     const ShadedVertex vertex = shade_vertex(inputs_.settings, *q.hit, *q.point, q.values);
     if (vertex.has_splat) scratch.splats.push_back(vertex.splat);
@@ -344,7 +356,7 @@ AovRecord first_hit_aovs(const SurfaceQuery& q) {
 }
 
 Status shade_hits(const ShadeInputs& inputs, cache::ExternalSort<HitRecord>& hits, AttributeStore& attributes,
-                  Film& film, RayColumns<PathRecord>& next_paths, RayColumns<ShadowRecord>& next_shadows,
+                  Film& film, RayColumns<PathRecord>& next_paths, ShadowColumns& next_shadows,
                   ShadeHitsScratch& scratch, ShadeHitsReport& report) {
   Shader shader(inputs, attributes, film, scratch);
   const auto shade_range = [&](std::span<const HitRecord> range, std::span<const std::byte> bytes) -> Status {

@@ -11,6 +11,7 @@
 
 #include <array>
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 #include "cache/external_sort.h"
@@ -30,6 +31,11 @@ template <class Record>
 struct RayColumns {
   Buffer<cache::TraceRay> hot;
   cache::RecordStream<Record> cold;
+};
+
+// Shadow rays; in scenes that look emission up, with where on their lights they end.
+struct ShadowColumns : RayColumns<ShadowRecord> {
+  std::optional<cache::RecordStream<shading::LightPlace>> ends;  // as many
 };
 
 struct ShadeInputs {
@@ -53,6 +59,7 @@ struct ShadeHitsScratch {
   Buffer<PathRecord> paths{MemoryTag::paths, kBatchHits};
   Buffer<cache::TraceRay> shadow_rays{MemoryTag::paths, kBatchHits};
   Buffer<ShadowRecord> shadows{MemoryTag::paths, kBatchHits};
+  Buffer<shading::LightPlace> shadow_ends;  // where emission is looked up
 };
 
 struct ShadeHitsReport {
@@ -69,7 +76,7 @@ struct ShadeHitsReport {
 
 // Shades every hit of the sort. The hot buffers of the outputs have room for all (capacity checked by the caller).
 Status shade_hits(const ShadeInputs& inputs, cache::ExternalSort<HitRecord>& hits, AttributeStore& attributes,
-                  Film& film, RayColumns<PathRecord>& next_paths, RayColumns<ShadowRecord>& next_shadows,
+                  Film& film, RayColumns<PathRecord>& next_paths, ShadowColumns& next_shadows,
                   ShadeHitsScratch& scratch, ShadeHitsReport& report);
 
 }  // namespace spillway::pipeline

@@ -84,6 +84,7 @@ FailureScene::FailureScene(const std::string& text, const MakeFiles& make_files,
 RenderOptions FailureScene::options(uint32_t seed, uint32_t samples) const {
   RenderOptions o;
   o.settings = store_->settings();
+  o.settings.render.estimator = estimator_;
   o.settings.render.seed = seed, o.settings.render.samples_per_pixel = samples;
   o.scratch_directory = directory_.path();
   return o;

@@ -31,6 +31,9 @@ class FailureScene {
   [[nodiscard]] const std::string& error() const { return error_; }
   [[nodiscard]] const pipeline::Store& store() const { return *store_; }
 
+  // From now on; the default is the scene's.
+  void use(pipeline::Estimator estimator) { estimator_ = estimator; }
+
   // On two threads, everything resident.
   [[nodiscard]] Frame render(uint32_t seed, uint32_t samples) const;
   // By independent samples instead of Sobol' points.
@@ -45,6 +48,7 @@ class FailureScene {
   [[nodiscard]] Frame render(const pipeline::RenderOptions& options, int threads) const;
   [[nodiscard]] pipeline::RenderOptions starved(pipeline::RenderOptions options) const;
 
+  pipeline::Estimator estimator_ = pipeline::Estimator::mis_power;
   TemporaryDirectory directory_;
   std::unique_ptr<pipeline::Store> store_;
   std::string error_;

@@ -34,7 +34,7 @@ Status add_light(pipeline::SceneSink& sink, TimeOfDay time, const std::filesyste
   light.kind = shading::LightKind::infinite;
   light.radiance = {1, 1, 1};
   light.position = {1, 0, 0}, light.edge1 = {0, 1, 0}, light.edge2 = {0, 0, 1};
-  light.has_image = 1;
+  light.image = 1;
   SPILLWAY_TRY(sink.add_environment(light, image));
   return sink.add_light(sun(time));
 }
