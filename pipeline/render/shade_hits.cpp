@@ -88,8 +88,8 @@ class Shader {
 
   // A batch in the order in which its hits arrived: the blocks that hold it are swept to gather it, unless all are in
   // memory.
-  Status shade_arrived(std::span<const HitRecord> hits, RayColumns<PathRecord>& paths,
-                       RayColumns<ShadowRecord>& shadows, ShadeHitsReport& report) {
+  Status shade_arrived(std::span<const HitRecord> hits, RayColumns<PathRecord>& paths, ShadowColumns& shadows,
+                       ShadeHitsReport& report) {
     const bool resident = attributes_.parts().all_resident();
     if (resident && out_.touched_blocks == nullptr) return shade_batch(hits, {}, paths, shadows, report);
     std::vector<uint32_t> by_prim(hits.size());
