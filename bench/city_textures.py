@@ -77,7 +77,7 @@ def main():
     parser.add_argument('--work', required=True)
     parser.add_argument('--spillway', default=os.path.join(HERE, '..', 'build', 'spillway'))
     parser.add_argument('--buildings', default=8000)
-    parser.add_argument('--texels', default=2, help='a metre: a pixel sees about one of the finest level')
+    parser.add_argument('--texels', default=1, help='a metre: a pixel sees about one of the finest level')
     parser.add_argument('--camera', default='aerial')
     parser.add_argument('--resolution', default='1280x720')
     parser.add_argument('--spp', default=4)
