@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <map>
+#include <optional>
 
 namespace spillway::pipeline {
 namespace {
@@ -90,19 +91,41 @@ void meet_chunk(const Chunk& chunk, const cache::Instance& instance, std::span<R
 
 uint32_t winner(std::span<const Ray> rays) {
   std::map<uint32_t, int> votes;
-  for (const Ray& ray : rays) ++votes[ray.medium];
+  for (const Ray& ray : rays)
+    if (ray.distance < INFINITY) ++votes[ray.medium];
+  if (votes.empty()) return kNoMedium;
   return std::max_element(votes.begin(), votes.end(), [](const auto& a, const auto& b) { return a.second < b.second; })
       ->first;
+}
+
+// The middle of the first triangle that divides media and stands somewhere. Something is then met from everywhere.
+Result<std::optional<Float3>> first_divider(const SpooledScene& scene, std::span<const cache::Instance> instances,
+                                            SpoolReader& reader) {
+  for (const PlacedChunk& placed : scene.chunks) {
+    const Mesh& mesh = scene.meshes[placed.mesh].row;
+    if ((mesh.flags & kMeshDividesMedia) == 0) continue;
+    for (const cache::Instance& instance : instances) {
+      if (instance.object != mesh.object) continue;
+      SPILLWAY_ASSIGN(const SpoolReader::View view, reader.view(placed.chunk));
+      const auto corner = [&](size_t i) { return view.positions[view.indices[i]]; };
+      const Float3 middle = (corner(0) + corner(1) + corner(2)) * (1.0f / 3);
+      return std::optional(instance.object == 0 ? middle : instance.world_from_object.point(middle));
+    }
+  }
+  return std::optional<Float3>();
 }
 
 }  // namespace
 
 Result<std::vector<uint32_t>> find_camera_media(const SpooledScene& scene, std::span<const cache::Instance> instances,
                                                 std::span<const Float3> eyes_world) {
-  std::vector<Ray> rays;
-  for (const Float3 eye : eyes_world)
-    for (const Float3 direction : kDirections) rays.push_back({vec(eye), vec(direction)});
   SpoolReader reader(*scene.spool);
+  SPILLWAY_ASSIGN(const std::optional<Float3> divider, first_divider(scene, instances, reader));
+  std::vector<Ray> rays;
+  for (const Float3 eye : eyes_world) {
+    for (const Float3 direction : kDirections) rays.push_back({vec(eye), vec(direction)});
+    rays.push_back({vec(eye), vec(divider.value_or(eye)) - vec(eye)});
+  }
   for (const PlacedChunk& placed : scene.chunks) {
     const Mesh& mesh = scene.meshes[placed.mesh].row;
     if ((mesh.flags & kMeshDividesMedia) == 0) continue;
@@ -114,7 +137,7 @@ Result<std::vector<uint32_t>> find_camera_media(const SpooledScene& scene, std::
   }
   std::vector<uint32_t> media;
   for (size_t eye = 0; eye < eyes_world.size(); ++eye)
-    media.push_back(winner(std::span(rays).subspan(eye * kDirections.size(), kDirections.size())));
+    media.push_back(winner(std::span(rays).subspan(eye * (kDirections.size() + 1), kDirections.size() + 1)));
   return media;
 }
 
