@@ -1,11 +1,13 @@
 #!/usr/bin/env python3
 """Reads a log of `spillway render --access-log`, and recomputes from it what the report claims.
 
-usage: bench/access_log.py LOG [--report REPORT.json]
+usage: bench/access_log.py LOG [--report REPORT.json] [--check]
 
 Prints the waves, the pages that sweeps touched, the bytes read, and their ratio: promise 4 says that a page that is not
-resident is read at most once a sweep. With a report, its own counters stand beside.
-Format: pipeline/render/access_log.h and cache/section_file.h.
+resident is read at most once a sweep. Of textures: the bytes of the tiles that waves touched and read, both as they lie in
+files. With a report, its own counters and those of the system stand beside; they must agree. --check also fails when pages
+are read more than 1.02 times a sweep, or tiles in any wave more than 1.05 times.
+Format: pipeline/render/access_log.h, tile_log.h and cache/section_file.h.
 """
 import argparse
 import json
@@ -65,9 +67,29 @@ def read(path):
     return pages, blocks, waves
 
 
+def read_tiles(path):
+    """Of each wave the bytes of the tiles that it touched and that it read, and how many reads were not the wave's first."""
+    found = sections(path)
+    tile_bytes = struct.unpack(f'<{len(found["tile_bytes"]) // 4}I', found['tile_bytes'])
+    chunk = 0
+    while f'tiles{chunk}' in found:
+        lists = Lists(found[f'tiles{chunk}'])
+        while lists.at < len(lists.data):
+            touched = sum(tile_bytes[tile] for tile in lists.next())
+            read = again = tile = 0
+            for _ in range(lists.number()):
+                tile += lists.number()
+                times = lists.number()
+                read += tile_bytes[tile] * times
+                again += times - 1
+            yield {'touched': touched, 'read': read, 'again': again}
+        chunk += 1
+
+
 def recount(path):
     pages, blocks, waves = read(path)
     touched = sum(pages[p] for wave in waves for p in wave['swept'])
+    tiles = list(read_tiles(path))
     return {
         'waves': len(waves),
         'sweeps': sum(1 for wave in waves if wave['swept']),
@@ -76,24 +98,60 @@ def recount(path):
         'attribute_bytes_read': sum(blocks[b] for wave in waves for b in wave['read_attributes']),
         'bytes_needed': sum(pages[p] for wave in waves
                             for p in set(wave['camera']) | set(wave['continued']) | set(wave['shadow'])),
+        'tile_bytes_touched': sum(t['touched'] for t in tiles),
+        'tile_bytes_read': sum(t['read'] for t in tiles),
+        'tiles_read_again': sum(t['again'] for t in tiles),
+        'worst_tile_ratio': max((t['read'] / t['touched'] for t in tiles if t['touched']), default=0),
+        'tiles_by_wave': tiles,
     }
+
+
+def totals(path):
+    """recount() without what it has wave by wave."""
+    counts = recount(path)
+    del counts['tiles_by_wave']
+    return counts
+
+
+def disagreements(counts, report):
+    """What the report says otherwise than the log, or the system otherwise than both by more than 2 %."""
+    said = [('pages', counts['bytes_read'], report['pages']['bytes_read']),
+            ('attributes', counts['attribute_bytes_read'], report['attributes']['bytes_read']),
+            ('tiles', counts['tile_bytes_read'], report.get('textures', {}).get('bytes_read', 0))]
+    found = [f'{what}: the log says {mine}, the report {other}' for what, mine, other in said if mine != other]
+    for number, (tiles, wave) in enumerate(zip(counts['tiles_by_wave'], report['waves'])):
+        other = wave.get('textures', {})
+        if (tiles['touched'], tiles['read']) != (other.get('wave_unique_bytes', 0), other.get('bytes_read', 0)):
+            found.append(f'tiles of wave {number}: the log says {tiles}, the report {other}')
+    others = sum(use['read_bytes'] for what, use in report['io']['by_purpose'].items()
+                 if what not in ('pages', 'attributes', 'textures'))
+    ratio = (sum(mine for _, mine, _ in said) + others) / max(1, report['io']['process_read_bytes'])
+    # Direct reads are of whole blocks of the disk: more than the tiles in them.
+    if not report['io']['direct'] and abs(ratio - 1) > 0.02:
+        found.append(f'the system counts {report["io"]["process_read_bytes"]} bytes, {1 / ratio:.3f} times as many')
+    return ratio, found
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument('log')
     parser.add_argument('--report')
+    parser.add_argument('--check', action='store_true')
     arguments = parser.parse_args()
     counts = recount(arguments.log)
     for name, value in counts.items():
-        print(f'{name:<22} {value}')
-    if counts['bytes_touched']:
-        print(f'{"read / touched":<22} {counts["bytes_read"] / counts["bytes_touched"]:.4f}')
+        if name != 'tiles_by_wave':
+            print(f'{name:<22} {value}')
+    pages = counts['bytes_read'] / max(1, counts['bytes_touched'])
+    print(f'{"pages, read / touched":<22} {pages:.4f}')
+    print(f'{"tiles, read / touched":<22} {counts["tile_bytes_read"] / max(1, counts["tile_bytes_touched"]):.4f}')
     if arguments.report:
-        report = json.load(open(arguments.report))
-        print(f'{"read by the report":<22} {report["pages"]["bytes_read"]}')
-        if report['pages']['bytes_read'] != counts['bytes_read']:
-            sys.exit('the report and the log do not agree')
+        ratio, found = disagreements(counts, json.load(open(arguments.report)))
+        print(f'{"of what the system read":<22} {ratio:.4f}')
+        if found:
+            sys.exit('\n'.join(found))
+    if arguments.check and (pages > 1.02 or counts['worst_tile_ratio'] > 1.05):
+        sys.exit('more was read than promised')
 
 
 if __name__ == '__main__':

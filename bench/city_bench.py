@@ -171,7 +171,7 @@ def against_memory(bench, name, store):
             sys.exit(f'{name} at {share} %: another image')
         log = os.path.join(bench.work, f'{name}-{share}.access')
         row['recount'] = bench.once(f'{name}-{share}-recount', lambda: (
-            bench.render(store(), '--memory', budget, log=log), access_log.recount(log))[1])
+            bench.render(store(), '--memory', budget, log=log), access_log.totals(log))[1])
     return geometry, whole, rows
 
 
@@ -247,7 +247,7 @@ def size(bench):
 # ---- ablations ----
 
 SWITCHES = [
-    ('as planned', []), ('rays not|sorted', ['--no-sort-rays']), ('hits sorted|by 16 Ki', ['--hit-batch', 16384]),
+    ('as planned', []), ('rays not|sorted', ['--no-sort-rays']), ('hits not|sorted', ['--no-sort-hits']), ('hits sorted|by 16 Ki', ['--hit-batch', 16384]),
     ('no reading|ahead', ['--no-read-ahead']), ('resident pages|not first', ['--no-resident-first']),
     ('waiting rays|not parked', ['--no-park-rays']), ('waves not|topped up', ['--no-top-up']), ('spill|forced', ['--spill', 'always']), ('spill|forbidden', ['--spill', 'never']),
     ('waves of|64 Ki', ['--wave-paths', 1 << 16]), ('waves of|1 Mi', ['--wave-paths', 1 << 20]),

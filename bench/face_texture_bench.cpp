@@ -10,6 +10,7 @@
 #include <CLI/CLI.hpp>
 #include <chrono>
 #include <cmath>
+#include <map>
 #include <random>
 
 #include "cache/base/parallel.h"
@@ -18,6 +19,7 @@
 #include "pipeline/pack/scene_packer.h"
 #include "pipeline/render/render_image.h"
 #include "tests/support/face_mesh.h"
+#include "tools/city/paint.h"
 
 namespace spillway {
 namespace {
@@ -41,6 +43,25 @@ void check(const Status& status) {
   if (!status) give_up(status.error());
 }
 
+// What faces are painted with: noise that hardly compresses, or the city's walls at 16 texels a metre.
+enum class Paint { noise, walls };
+const char* name(Paint paint) { return paint == Paint::noise ? "noise" : "walls"; }
+
+// A square wall of so many texels a side, or a piece of one.
+std::vector<std::byte> wall_paint(uint32_t number, uint8_t ulog2, uint8_t vlog2) {
+  using namespace tools::city;
+  static constexpr Surface kSurfaces[] = {Surface::brick_red,     Surface::limestone,  Surface::concrete,
+                                          Surface::plaster_cream, Surface::wood_green, Surface::brick_dark};
+  WallGrid wall;
+  wall.frame = {{0, 0, 0}, {1, 0}}, wall.width_m = 20, wall.top_m = 30, wall.key = number;
+  wall.bay_m = 3, wall.half_window_m = 0.6, wall.sill_m = 0.9, wall.head_m = 2.4;
+  const float x = static_cast<float>(number % 7), z = static_cast<float>(number % 5);
+  const float width = static_cast<float>(1u << ulog2) / 16, height = static_cast<float>(1u << vlog2) / 16;
+  const std::array<Float3, 4> corners = {
+      Float3{x, 0, z}, {x + width, 0, z}, {x + width, 0, z + height}, {x, 0, z + height}};
+  return painted_texels({.surface = kSurfaces[number % std::size(kSurfaces)], .size = {ulog2, vlog2}}, corners, wall);
+}
+
 // Paint with some structure: smooth, with noise of a few steps.
 std::vector<std::byte> paint(std::mt19937& random, uint32_t width, uint32_t height, uint32_t channels) {
   std::vector<std::byte> texels(size_t{width} * height * channels);
@@ -55,7 +76,7 @@ std::vector<std::byte> paint(std::mt19937& random, uint32_t width, uint32_t heig
 
 uint8_t log2_of(uint32_t face) { return static_cast<uint8_t>(3 + face * 7 % 6); }  // 8 to 256 texels a side
 
-void write_faces(const fs::path& path, uint32_t faces, FaceTexCodec codec) {
+void write_faces(const fs::path& path, uint32_t faces, FaceTexCodec codec, Paint what = Paint::noise) {
   cache::FaceTexFormat format;
   format.codec = codec;
   auto writer = value_of(cache::FaceTexWriter::create(path, format));
@@ -63,8 +84,13 @@ void write_faces(const fs::path& path, uint32_t faces, FaceTexCodec codec) {
   const auto infos = grid.faces([](uint32_t f) { return std::pair(log2_of(f), log2_of(f)); });
   check(writer->begin_texture({"faces", cache::FaceShape::quad, {}, {}, infos}));
   std::mt19937 random(1);
-  for (uint32_t f = 0; f < faces; ++f)
-    check(writer->add_face(paint(random, 1u << infos[f].ulog2, 1u << infos[f].vlog2, 3)));
+  std::map<uint8_t, std::vector<std::vector<std::byte>>> walls;  // some of each size, over and over
+  for (uint32_t f = 0; f < faces; ++f) {
+    auto& of_size = walls[infos[f].ulog2];
+    if (what == Paint::walls && of_size.size() < 12) of_size.push_back(wall_paint(f, infos[f].ulog2, infos[f].vlog2));
+    check(writer->add_face(what == Paint::walls ? of_size[f / 6 % of_size.size()]
+                                                : paint(random, 1u << infos[f].ulog2, 1u << infos[f].vlog2, 3)));
+  }
   check(writer->finish());
 }
 
@@ -122,15 +148,21 @@ const char* codec_name(FaceTexCodec codec) {
 // One pass cold, one warm; the difference over the tiles read. Both threads work.
 void miss_of_codecs(const fs::path& folder, uint32_t faces) {
   fmt::print("| container | file, MB | us a tile miss | M lookups/s, cold |\n|---|---|---|---|\n");
-  for (const FaceTexCodec codec : {FaceTexCodec::none, FaceTexCodec::lz4, FaceTexCodec::zstd}) {
+  for (const auto& [what, codec] : {std::pair{Paint::noise, FaceTexCodec::none},
+                                    {Paint::noise, FaceTexCodec::lz4},
+                                    {Paint::noise, FaceTexCodec::zstd},
+                                    {Paint::walls, FaceTexCodec::none},
+                                    {Paint::walls, FaceTexCodec::lz4},
+                                    {Paint::walls, FaceTexCodec::zstd}}) {
     const fs::path path = folder / "miss.facetex";
-    write_faces(path, faces, codec);
+    write_faces(path, faces, codec, what);
     const auto requests = sorted_requests(faces, 16, Where::inside);
     const auto textures = open_faces(path, faces, 4ull << 30);
     const double cold = look_up_all(*textures, requests, true), warm = look_up_all(*textures, requests, false);
     const double tiles = static_cast<double>(textures->counters().tiles_read);
-    fmt::print("| .facetex 8 bit, {} | {} | {:.1f} | {:.2f} |\n", codec_name(codec), fs::file_size(path) >> 20,
-               (cold - warm) / tiles * 1e6, static_cast<double>(requests.size()) / cold * 1e-6);
+    fmt::print("| .facetex 8 bit, {}, {} | {} | {:.1f} | {:.2f} |\n", name(what), codec_name(codec),
+               fs::file_size(path) >> 20, (cold - warm) / tiles * 1e6,
+               static_cast<double>(requests.size()) / cold * 1e-6);
   }
 }
 
@@ -196,23 +228,35 @@ void miss_of_images(const fs::path& folder) {
   }
 }
 
+// Twelve tiles, over and over.
+void unpack_tiles(Paint what, uint8_t log2, FaceTexCodec codec) {
+  constexpr int kTiles = 12, kTimes = 300;
+  const uint32_t size = 1u << log2;
+  std::mt19937 random(5);
+  std::vector<std::vector<std::byte>> packed;
+  size_t whole = 0, in_file = 0;
+  for (uint32_t t = 0; t < kTiles; ++t) {
+    const auto tile = what == Paint::walls ? wall_paint(t, log2, log2) : paint(random, size, size, 3);
+    packed.push_back(cache::compress_tile(codec, tile));
+    whole += tile.size(), in_file += packed.back().size();
+  }
+  std::vector<std::byte> out(whole / kTiles);
+  const auto start = Clock::now();
+  for (int i = 0; i < kTimes; ++i)
+    for (const auto& tile : packed)
+      if (!cache::decompress_tile(codec, tile, out)) std::exit(1);
+  const double us = seconds_since(start) / (kTiles * kTimes) * 1e6;
+  fmt::print("| {0} x {0}, {1} | {2} | {3:.2f} of {4} bytes | {5:.1f} | {6:.2f} |\n", size, name(what),
+             codec_name(codec), static_cast<double>(in_file) / static_cast<double>(whole), out.size(), us,
+             us * 1e3 / (size * size));
+}
+
 // Unpacking alone, by tile size.
 void tile_sizes() {
-  fmt::print("\n| tile | compression | bytes packed | us to unpack | ns a texel |\n|---|---|---|---|---|\n");
-  std::mt19937 random(5);
-  for (const uint32_t size : {32u, 64u, 128u})
-    for (const FaceTexCodec codec : {FaceTexCodec::lz4, FaceTexCodec::zstd}) {
-      const auto tile = paint(random, size, size, 3);
-      const auto packed = cache::compress_tile(codec, tile);
-      std::vector<std::byte> out(tile.size());
-      const int count = 4000;
-      const auto start = Clock::now();
-      for (int i = 0; i < count; ++i)
-        if (!cache::decompress_tile(codec, packed, out)) std::exit(1);
-      const double us = seconds_since(start) / count * 1e6;
-      fmt::print("| {0} x {0} | {1} | {2} of {3} | {4:.1f} | {5:.2f} |\n", size, codec_name(codec), packed.size(),
-                 tile.size(), us, us * 1e3 / (size * size));
-    }
+  fmt::print("\n| tile | compression | packed | us to unpack | ns a texel |\n|---|---|---|---|---|\n");
+  for (const Paint what : {Paint::noise, Paint::walls})
+    for (const uint8_t log2 : {uint8_t{5}, uint8_t{6}, uint8_t{7}})
+      for (const FaceTexCodec codec : {FaceTexCodec::lz4, FaceTexCodec::zstd}) unpack_tiles(what, log2, codec);
 }
 
 // ---- lookups a second ----

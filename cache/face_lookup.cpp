@@ -210,6 +210,133 @@ bool Gather::triangle_beyond(uint32_t face, uint32_t log2, FacePlace place, floa
 
 }  // namespace
 
+// ---- the path that most lookups take ----
+
+namespace {
+
+constexpr size_t kAhead = 8;        // lookups, of texels: reads from memory under way at a time
+constexpr size_t kFacesAhead = 16;  // and of what is known of faces
+static_assert((kAhead & (kAhead - 1)) == 0);
+
+// A lookup in one level of a quad of bytes whose four texels lie in one tile: where they are and what they weigh. Other
+// lookups are found not to be `inside`, and take the general path. The arithmetic is that of Gather::quad.
+struct Inside {
+  bool inside = false;
+  uint32_t image_index, x, y;
+  uint64_t tile;    // in the cache's numbering
+  uint32_t offset;  // bytes in the tile
+  float shares[4];
+};
+
+Inside find_inside(const FaceTexture& t, const FaceTextureRequest& request) {
+  Inside found;
+  if (!t.is_bytes || request.face >= t.faces.size()) return found;
+  const FaceInfo& face = t.faces[request.face];
+  if (face.flags & (kFaceIsConstant | kFaceNeighbourhoodIsConstant)) return found;
+  const Levels levels = levels_of(face, request);
+  if (levels.blend > 0) return found;
+  const FaceLevel f = face_level(t, request.face, levels.fine);
+  const int width = 1 << f.ulog2, height = 1 << f.vlog2;
+  const float x = unit(request.u) * static_cast<float>(width) - 0.5f;
+  const float y = unit(request.v) * static_cast<float>(height) - 0.5f;
+  const float floor_x = std::floor(x), floor_y = std::floor(y);
+  const int i = static_cast<int>(floor_x), j = static_cast<int>(floor_y);
+  if (i < 0 || j < 0 || i + 1 >= width || j + 1 >= height) return found;
+  found.x = f.x0 + static_cast<uint32_t>(i), found.y = f.y0 + static_cast<uint32_t>(j);
+  const uint32_t in_x = found.x % kFaceTileSize, in_y = found.y % kFaceTileSize;
+  if (in_x == kFaceTileSize - 1 || in_y == kFaceTileSize - 1) return found;
+  const float fx = x - floor_x, fy = y - floor_y;
+  found.inside = true;
+  found.shares[0] = (1 - fx) * (1 - fy), found.shares[1] = fx * (1 - fy);
+  found.shares[2] = (1 - fx) * fy, found.shares[3] = fx * fy;
+  found.image_index = f.image_index;
+  found.tile = t.tiles->first_tile + tile_of(f, found.x, found.y);
+  found.offset = (in_y * kFaceTileSize + in_x) * t.channels;
+  return found;
+}
+
+// Sums as Gather::add makes them, channel by channel.
+template <uint32_t kChannels>
+void add_four(const FaceTexture& t, const std::byte* at, const float* shares, float* sum) {
+  constexpr size_t kUp = kFaceTileSize * kChannels;
+  const std::byte* const texels[4] = {at, at + kChannels, at + kUp, at + kUp + kChannels};
+  const float scale = 1 / (shares[0] + shares[1] + shares[2] + shares[3]);
+  for (uint32_t c = 0; c < kChannels; ++c) {
+    const float* const table = t.byte_tables[c];
+    float value = 0;
+    for (int k = 0; k < 4; ++k) value += shares[k] * table[static_cast<uint8_t>(texels[k][c])];
+    sum[c] = scale * value;
+  }
+}
+
+bool look_up_inside(TileThread& thread, const FaceTexture& t, const Inside& found, float* sum) {
+  const std::byte* const tile = thread.tile(*t.tiles, found.image_index, 0, found.x, found.y, found.tile, t.owner);
+  if (tile == nullptr) return false;
+  const std::byte* const at = tile + found.offset;
+  switch (t.channels) {
+    case 1:
+      add_four<1>(t, at, found.shares, sum);
+      break;
+    case 2:
+      add_four<2>(t, at, found.shares, sum);
+      break;
+    case 3:
+      add_four<3>(t, at, found.shares, sum);
+      break;
+    default:
+      add_four<4>(t, at, found.shares, sum);
+  }
+  return true;
+}
+
+void prefetch(const TileThread& thread, const FaceTexture& t, const Inside& found) {
+  const std::byte* const tile = found.inside ? thread.at_hand(found.tile) : nullptr;
+  if (tile == nullptr) return;
+  __builtin_prefetch(tile + found.offset);
+  __builtin_prefetch(tile + found.offset + size_t{kFaceTileSize} * t.channels);
+}
+
+void prefetch_face(const FaceTexture& t, uint32_t face) {
+  if (face >= t.faces.size()) return;
+  __builtin_prefetch(&t.faces[face]);
+  __builtin_prefetch(&t.numbers[face]);
+}
+
+}  // namespace
+
+void FaceTexture::choose_tables() {
+  channels = file->format().channels;
+  is_bytes = texture->shape == FaceShape::quad && file->format().type == FaceTexelType::uint8;
+  for (uint32_t c = 0; is_bytes && c < channels; ++c) byte_tables[c] = decoder->byte_table(c);
+}
+
+size_t look_up_faces(TileThread& thread, std::span<const FaceTexture> textures,
+                     std::span<const FaceTextureRequest> requests, std::span<Texel> values) {
+  std::array<Inside, kAhead> ahead;
+  const auto find = [&](size_t i) {
+    const FaceTexture& texture = textures[requests[i].texture];
+    ahead[i % kAhead] = find_inside(texture, requests[i]);
+    prefetch(thread, texture, ahead[i % kAhead]);
+  };
+  const size_t count = requests.size();
+  for (size_t i = 0; i < std::min(kAhead, count); ++i) find(i);
+  for (size_t i = 0; i < count; ++i) {
+    const FaceTextureRequest& request = requests[i];
+    const FaceTexture& texture = textures[request.texture];
+    if (request.face >= texture.faces.size()) return i;
+    if (i + kFacesAhead < count)
+      prefetch_face(textures[requests[i + kFacesAhead].texture], requests[i + kFacesAhead].face);
+    float sum[4] = {0, 0, 0, 0};
+    ++thread.counters[texture.owner].lookups;
+    const Inside& found = ahead[i % kAhead];
+    if (!(found.inside ? look_up_inside(thread, texture, found, sum) : look_up_face(thread, texture, request, sum)))
+      return i;
+    values[i] = spread_channels(sum, texture.channels);
+    if (i + kAhead < count) find(i + kAhead);
+  }
+  return count;
+}
+
 bool look_up_face(TileThread& thread, const FaceTexture& texture, const FaceTextureRequest& request, float* sum) {
   const FaceInfo& face = texture.faces[request.face];
   float u = unit(request.u), v = unit(request.v);

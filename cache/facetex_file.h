@@ -108,10 +108,11 @@ struct FaceTexImage {
   uint64_t first_tile = 0, tile_count = 0;
 
   [[nodiscard]] uint32_t tiles_across() const { return width / kFaceTileSize; }
-  [[nodiscard]] uint32_t faces_per_row() const { return width >> ulog2; }
+  [[nodiscard]] uint32_t faces_per_row() const { return 1u << faces_per_row_log2(); }
+  [[nodiscard]] uint32_t faces_per_row_log2() const { return ulog2 < 6 ? 6 - ulog2 : 0; }  // 64 texels across
   // Of a face's texel (0, 0).
-  [[nodiscard]] uint32_t x_of(uint32_t number) const { return (number % faces_per_row()) << ulog2; }
-  [[nodiscard]] uint32_t y_of(uint32_t number) const { return (number / faces_per_row()) << vlog2; }
+  [[nodiscard]] uint32_t x_of(uint32_t number) const { return (number & (faces_per_row() - 1)) << ulog2; }
+  [[nodiscard]] uint32_t y_of(uint32_t number) const { return number >> faces_per_row_log2() << vlog2; }
 };
 
 [[nodiscard]] constexpr uint32_t reduced_log2(uint32_t log2, uint32_t level) { return log2 > level ? log2 - level : 0; }

@@ -61,7 +61,8 @@ void FaceTexDecoder::put(float linear, std::byte* texel, uint32_t c) const {
     const auto bits = static_cast<uint16_t>(nearest(table, 65536, linear));
     std::memcpy(texel + 2 * c, &bits, sizeof bits);
   } else if (format_.type == FaceTexelType::half) {
-    const uint16_t bits = _cvtss_sh(linear, _MM_FROUND_TO_NEAREST_INT);
+    const __m128i halves = _mm_cvtps_ph(_mm_set_ss(linear), _MM_FROUND_TO_NEAREST_INT);
+    const auto bits = static_cast<uint16_t>(_mm_cvtsi128_si32(halves));
     std::memcpy(texel + 2 * c, &bits, sizeof bits);
   } else {
     std::memcpy(texel + 4 * c, &linear, sizeof linear);

@@ -34,6 +34,11 @@ class FaceTexDecoder {
     __builtin_memcpy(&number, texel + 4 * c, sizeof number);
     return number;
   }
+  // Of 256 numbers, the values of channel `c`; null of larger types.
+  [[nodiscard]] const float* byte_table(uint32_t c) const {
+    if (format_.type != FaceTexelType::uint8) return nullptr;
+    return static_cast<int32_t>(c) == format_.alpha_channel ? plain_ : table_;
+  }
   // The nearest that the format has, at channel `c`.
   void put(float linear, std::byte* texel, uint32_t c) const;
   [[nodiscard]] uint64_t bytes() const { return storage_.size() * sizeof(float); }

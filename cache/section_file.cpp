@@ -56,7 +56,19 @@ void SectionWriter::add(std::string name, std::span<const std::byte> bytes) {
 
 void SectionWriter::add_view(std::string name, std::span<const std::byte> bytes) {
   SPILLWAY_CHECK(name.size(), <, sizeof SectionEntry::name);
-  sections_.emplace_back(std::move(name), bytes);
+  sections_.push_back({std::move(name), bytes, bytes.size(), {}});
+}
+
+void SectionWriter::add_made(std::string name, uint64_t size_bytes, Make make) {
+  SPILLWAY_CHECK(name.size(), <, sizeof SectionEntry::name);
+  sections_.push_back({std::move(name), {}, size_bytes, std::move(make)});
+}
+
+Result<std::span<const std::byte>> SectionWriter::bytes_of(const Section& section, Buffer<std::byte>& made) {
+  if (!section.make) return section.bytes;
+  made.renew(MemoryTag::streams, section.size_bytes);
+  SPILLWAY_TRY(section.make(std::span(made.data(), section.size_bytes)));
+  return std::span<const std::byte>(made.data(), section.size_bytes);
 }
 
 Status SectionWriter::write(const std::filesystem::path& path) const {
@@ -65,10 +77,11 @@ Status SectionWriter::write(const std::filesystem::path& path) const {
   header.version = version_;
   header.section_count = static_cast<uint32_t>(sections_.size());
   std::vector<SectionEntry> entries(sections_.size());
+  Buffer<std::byte> made;
   uint64_t offset = aligned(sizeof header + entries.size() * sizeof(SectionEntry));
   for (size_t i = 0; i < sections_.size(); ++i) {
-    const auto& [name, bytes] = sections_[i];
-    std::memcpy(entries[i].name, name.data(), name.size());
+    SPILLWAY_ASSIGN(const std::span<const std::byte> bytes, bytes_of(sections_[i], made));
+    std::memcpy(entries[i].name, sections_[i].name.data(), sections_[i].name.size());
     entries[i].offset_bytes = offset, entries[i].size_bytes = bytes.size();
     entries[i].checksum = checksum(bytes.data(), bytes.size());
     offset = aligned(offset + bytes.size());
@@ -79,7 +92,8 @@ Status SectionWriter::write(const std::filesystem::path& path) const {
   SPILLWAY_TRY(file.append(std::as_bytes(std::span(&header, 1))));
   SPILLWAY_TRY(file.append(std::as_bytes(std::span(entries))));
   SPILLWAY_TRY(file.pad_to(kAlignment));
-  for (const auto& [name, bytes] : sections_) {
+  for (const Section& section : sections_) {
+    SPILLWAY_ASSIGN(const std::span<const std::byte> bytes, bytes_of(section, made));
     SPILLWAY_TRY(file.append(bytes));
     SPILLWAY_TRY(file.pad_to(kAlignment));
   }

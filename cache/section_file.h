@@ -10,6 +10,7 @@
 #include <cstdint>
 #include <deque>
 #include <filesystem>
+#include <functional>
 #include <initializer_list>
 #include <map>
 #include <memory>
@@ -29,6 +30,9 @@ class SectionWriter {
   SectionWriter(std::string kind, uint32_t version);
   void add(std::string name, std::span<const std::byte> bytes);       // copies
   void add_view(std::string name, std::span<const std::byte> bytes);  // which must live until write()
+  // Of so many bytes, made while the file is written: twice, first for their checksum, and never two such at a time.
+  using Make = std::function<Status(std::span<std::byte> bytes)>;
+  void add_made(std::string name, uint64_t size_bytes, Make make);
   template <class T>
   void add_array(std::string name, std::span<const T> items) {
     add(std::move(name), std::as_bytes(items));
@@ -38,7 +42,15 @@ class SectionWriter {
  private:
   std::string kind_;
   uint32_t version_;
-  std::vector<std::pair<std::string, std::span<const std::byte>>> sections_;
+  struct Section {
+    std::string name;
+    std::span<const std::byte> bytes;  // unless they are made
+    uint64_t size_bytes;
+    Make make;
+  };
+  // The section's bytes; `made` keeps those that were made for it.
+  static Result<std::span<const std::byte>> bytes_of(const Section& section, Buffer<std::byte>& made);
+  std::vector<Section> sections_;
   std::deque<std::vector<std::byte>> copies_;
 };
 

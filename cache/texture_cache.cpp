@@ -86,20 +86,6 @@ struct Container {
   TileFile tiles;
 };
 
-// Grey goes to all colours, a missing alpha is one.
-Texel spread(const float* sum, uint32_t channels) {
-  switch (channels) {
-    case 1:
-      return {{sum[0], sum[0], sum[0], 1}};
-    case 2:
-      return {{sum[0], sum[0], sum[0], sum[1]}};
-    case 3:
-      return {{sum[0], sum[1], sum[2], 1}};
-    default:
-      return {{sum[0], sum[1], sum[2], sum[3]}};
-  }
-}
-
 }  // namespace
 
 float approximate_log2(float x) {
@@ -295,9 +281,10 @@ Result<std::unique_ptr<TextureCache>> TextureCache::open(const std::filesystem::
     const FaceTexTexture& texture = file.textures()[info.texture];
     state->faces.push_back({&file, &texture, file.faces(texture), file.numbers(texture), container.decoder.get(),
                             &container.tiles, static_cast<uint32_t>(images.size() + state->faces.size())});
+    state->faces.back().choose_tables();
   }
   const auto owners = static_cast<uint32_t>(images.size() + face_textures.size());
-  state->cache.begin(owners);
+  state->cache.begin(owners, options.is_logged);
   state->staged.resize(owners);
   const uint64_t claimed = std::min(options.memory_limit_bytes, bytes_for_all(images, containers));
   const uint64_t counted = tables + staged;  // in buffers, which count for themselves
@@ -314,7 +301,7 @@ Status TextureCache::look_up(std::span<const TextureRequest> requests, std::span
     if (!s.look_up(thread, requests[i], sum))
       return error("{}: a tile cannot be read: {}; pack the scene again", s.images[requests[i].image].tiles.path,
                    s.cache.failure());
-    values[i] = spread(sum, s.images[requests[i].image].info.channels);
+    values[i] = spread_channels(sum, s.images[requests[i].image].info.channels);
   }
   return {};
 }
@@ -325,19 +312,13 @@ bool TextureCache::has_face_textures() const { return !state_->faces.empty(); }
 
 Status TextureCache::look_up_faces(std::span<const FaceTextureRequest> requests, std::span<Texel> values) {
   State& s = *state_;
-  TileThread& thread = s.thread();
-  for (size_t i = 0; i < requests.size(); ++i) {
-    const FaceTexture& texture = s.faces[requests[i].texture];
-    if (requests[i].face >= texture.faces.size())
-      return error("{}: face {} of {} is asked for; pack the scene again", texture.tiles->path, requests[i].face,
-                   texture.faces.size());
-    float sum[4] = {0, 0, 0, 0};
-    ++thread.counters[texture.owner].lookups;
-    if (!look_up_face(thread, texture, requests[i], sum))
-      return error("{}: a tile cannot be read: {}; pack the scene again", texture.tiles->path, s.cache.failure());
-    values[i] = spread(sum, texture.file->format().channels);
-  }
-  return {};
+  const size_t done = cache::look_up_faces(s.thread(), s.faces, requests, values);
+  if (done == requests.size()) return {};
+  const FaceTexture& texture = s.faces[requests[done].texture];
+  if (requests[done].face >= texture.faces.size())
+    return error("{}: face {} of {} is asked for; pack the scene again", texture.tiles->path, requests[done].face,
+                 texture.faces.size());
+  return error("{}: a tile cannot be read: {}; pack the scene again", texture.tiles->path, s.cache.failure());
 }
 
 Status TextureCache::stage_faces(std::span<const FaceTextureRequest> requests) {
@@ -368,8 +349,10 @@ Status TextureCache::stage_faces(std::span<const FaceTextureRequest> requests) {
     tiles.clear();
     for (const Wanted& w : of_file) tiles.push_back(w.tile);
     SPILLWAY_ASSIGN(const size_t count, container.source->stage(tiles, s.stage_limit_bytes / s.containers.size()));
-    for (size_t i = 0; i < count; ++i)
+    for (size_t i = 0; i < count; ++i) {
       s.staged[of_file[i].owner].bytes_read += container.source->file().tiles()[of_file[i].tile].size_bytes;
+      s.cache.log_read(container.tiles.first_tile + of_file[i].tile, 1);
+    }
   }
   return {};
 }
@@ -390,6 +373,20 @@ std::vector<TextureCounters> TextureCache::counters_by_texture() const {
     if (thread)
       for (size_t i = 0; i < sum.size(); ++i) sum[i] += thread->counters[i];
   return sum;
+}
+
+TextureCache::WaveTileUse TextureCache::wave_tiles() const {
+  return {state_->cache.touched_in_wave(), state_->cache.reads_in_wave()};
+}
+
+std::vector<uint32_t> TextureCache::file_bytes_of_tiles() const {
+  std::vector<uint32_t> bytes;
+  for (const Image& image : state_->images)
+    for (uint32_t level = 0; level < image.info.levels; ++level)
+      bytes.insert(bytes.end(), tiles_of_level(image.info, level), static_cast<uint32_t>(image.tiles.tile_bytes));
+  for (const Container& container : state_->containers)
+    for (const FaceTexTile& tile : container.source->file().tiles()) bytes.push_back(tile.size_bytes);
+  return bytes;
 }
 
 TextureCounters TextureCache::counters() const {

@@ -60,6 +60,18 @@ struct TextureRequest {
 struct Texel {
   float value[4];  // linear; channels missing in the image: grey is spread to rgb, alpha is 1
 };
+[[nodiscard]] inline Texel spread_channels(const float* sum, uint32_t channels) {
+  switch (channels) {
+    case 1:
+      return {{sum[0], sum[0], sum[0], 1}};
+    case 2:
+      return {{sum[0], sum[0], sum[0], sum[1]}};
+    case 3:
+      return {{sum[0], sum[1], sum[2], 1}};
+    default:
+      return {{sum[0], sum[1], sum[2], sum[3]}};
+  }
+}
 
 // log2 of x > 0, exact at powers of two and linear between: within 0.09, and the same on every machine.
 [[nodiscard]] float approximate_log2(float x);
@@ -87,6 +99,7 @@ class TextureCache {
   struct Options {
     uint64_t memory_limit_bytes = 256 << 20;  // larger: fewer tiles are read again
     bool direct = false;                      // face textures bypass the page cache where possible
+    bool is_logged = false;                   // wave_tiles() is asked for: four bytes more a tile
   };
   static Result<std::unique_ptr<TextureCache>> open(const std::filesystem::path& textures_directory,
                                                     std::span<const ImageInfo> images, Options options,
@@ -109,6 +122,14 @@ class TextureCache {
   [[nodiscard]] TextureCounters counters() const;
   // Images first, then face textures.
   [[nodiscard]] std::vector<TextureCounters> counters_by_texture() const;
+  // What the wave touched and read so far, by tile; while no thread looks up. With Options::is_logged.
+  struct WaveTileUse {
+    std::span<const uint64_t> touched_bits;
+    std::span<const uint32_t> read_counts;
+  };
+  [[nodiscard]] WaveTileUse wave_tiles() const;
+  // What each tile takes in its file, as TextureCounters count it.
+  [[nodiscard]] std::vector<uint32_t> file_bytes_of_tiles() const;
   // The limit that would hold all tiles that the most demanding wave so far touched.
   [[nodiscard]] uint64_t limit_for_waves() const;
 

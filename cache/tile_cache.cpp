@@ -1,8 +1,10 @@
 #include "cache/tile_cache.h"
 
 #include <OpenImageIO/imagecache.h>
+#include <tbb/global_control.h>
 
 #include <algorithm>
+#include <bit>
 
 namespace spillway::cache {
 namespace {
@@ -98,7 +100,10 @@ TextureCounters gained(TextureCounters now, const TextureCounters& before) {
 // ---- a thread ----
 
 TileThread::TileThread(TileCache& cache)
-    : counters(cache.owner_count_), cache_(cache), perthread_(process_cache().get_perthread_info()) {}
+    : counters(cache.owner_count_),
+      cache_(cache),
+      perthread_(process_cache().get_perthread_info()),
+      held_mask_(cache.held_tiles_ - 1) {}
 
 TileThread::~TileThread() {
   for (const Held& held : held_)
@@ -109,7 +114,7 @@ void TileThread::begin_block() { wave_ = cache_.wave_.load(std::memory_order_rel
 
 const std::byte* TileThread::fetch(const TileFile& file, uint32_t subimage, uint32_t level, uint32_t x, uint32_t y,
                                    uint64_t number, uint32_t owner) {
-  Held& held = held_[number % kHeldTiles];
+  Held& held = held_[number & held_mask_];
   TextureCounters& counts = counters[owner];
   if (held.number != number) {
     if (held.tile) process_cache().release_tile(library_tile(held.tile));
@@ -123,6 +128,7 @@ const std::byte* TileThread::fetch(const TileFile& file, uint32_t subimage, uint
       cache_.reads_.fetch_add(1, std::memory_order_relaxed);
       counts.tiles_read += now.tiles - before.tiles, counts.bytes_read += now.bytes - before.bytes;
       if (TileCache::set(cache_.read_in_wave_, number)) ++counts.tiles_read_again;
+      if (now.bytes != before.bytes) cache_.log_read(number, static_cast<uint32_t>(now.tiles - before.tiles));
     }
     if (tile == nullptr) return nullptr;
     OIIO::TypeDesc format;
@@ -168,7 +174,7 @@ Result<TileFile> TileCache::add_image(const std::string& path, const ImageShape&
                     spec.tile_width == static_cast<int>(kFaceTileSize) &&
                     spec.tile_height == static_cast<int>(kFaceTileSize) && spec.format.size() == shape.texel_bytes;
   if (!same) return error("{}: is not the image the manifest describes; pack the scene again", path);
-  tile_count_ += tile_count;
+  tile_count_ += tile_count, largest_tile_bytes_ = std::max(largest_tile_bytes_, file.tile_bytes);
   return file;
 }
 
@@ -182,15 +188,19 @@ Result<TileFile> TileCache::add_face_tex(const FaceTexSource& source) {
   if (file.handle == nullptr ||
       !process_cache().get_imagespec(static_cast<OIIO::ImageCache::ImageHandle*>(file.handle), nullptr, spec))
     return error("{}: the face textures cannot be opened: {}; pack the scene again", path, failure());
-  tile_count_ += source.file().tiles().size();
+  tile_count_ += source.file().tiles().size(), largest_tile_bytes_ = std::max(largest_tile_bytes_, file.tile_bytes);
   return file;
 }
 
-void TileCache::begin(uint32_t owner_count) {
+void TileCache::begin(uint32_t owner_count, bool is_logged) {
   owner_count_ = owner_count;
+  const auto threads = tbb::global_control::active_value(tbb::global_control::max_allowed_parallelism);
+  held_tiles_ = std::bit_floor(std::clamp<uint64_t>(limit_bytes_ / 4 / threads / largest_tile_bytes_,
+                                                    TileThread::kLeastHeldTiles, TileThread::kHeldTiles));
   for (Buffer<uint64_t>* bits : {&touched_, &touched_in_wave_, &read_in_wave_})
     *bits = Buffer<uint64_t>(MemoryTag::textures, tile_count_ / 64 + 1);
   used_at_ = Buffer<uint32_t>(MemoryTag::textures, tile_count_);
+  if (is_logged) reads_of_tile_ = Buffer<uint32_t>(MemoryTag::trace_log, tile_count_);
 }
 
 bool TileCache::is_full() {
@@ -208,6 +218,7 @@ bool TileCache::probably_holds(uint64_t number, uint64_t tile_bytes) const {
 void TileCache::begin_wave() {
   wave_.fetch_add(1, std::memory_order_relaxed);
   for (Buffer<uint64_t>* bits : {&touched_in_wave_, &read_in_wave_}) std::fill(bits->begin(), bits->end(), 0);
+  std::fill(reads_of_tile_.begin(), reads_of_tile_.end(), 0);
 }
 
 std::string TileCache::failure() const { return process_cache().geterror(); }

@@ -3,7 +3,8 @@
 // The process's one tile cache of OpenImageIO, and what its users count.
 //
 // Owns: nothing of the library's; a TileCache is one user of it, with its files and counters.
-// Memory: the library's limit on tiles, set by the latest user; 35 bits a tile, tag textures.
+// Memory: the library's limit on tiles, set by the latest user, in which what threads keep at hand is counted, a
+//         quarter of it at most; 35 bits a tile, tag textures.
 // Threads: each thread has a TileThread, and fetches through it; begin_wave(), counters() while no thread fetches.
 // Fails: fetch() gives null when a tile cannot be read; failure() says why.
 
@@ -12,6 +13,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <memory>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -49,8 +51,8 @@ class TileCache;
 // What one thread keeps at hand.
 class TileThread {
  public:
-  // More than a block's neighbours touch, little against any budget.
-  static constexpr size_t kHeldTiles = 64;
+  // More than a block's neighbours touch; fewer where the limit is small, see TileCache::held_tiles().
+  static constexpr size_t kHeldTiles = 64, kLeastHeldTiles = 4;
 
   explicit TileThread(TileCache& cache);
   TileThread(const TileThread&) = delete;
@@ -62,9 +64,14 @@ class TileThread {
   // Pixels of the tile at (x, y), number `number`; null when it cannot be read. `owner`: whose counters it goes to.
   const std::byte* tile(const TileFile& file, uint32_t subimage, uint32_t level, uint32_t x, uint32_t y,
                         uint64_t number, uint32_t owner) {
-    const Held& held = held_[number % kHeldTiles];
+    const Held& held = held_[number & held_mask_];
     if (held.number == number && held.wave == wave_) return held.pixels;
     return fetch(file, subimage, level, x, y, number, owner);
+  }
+  // Its pixels when this thread has it at hand, else null: for prefetching alone.
+  [[nodiscard]] const std::byte* at_hand(uint64_t number) const {
+    const Held& held = held_[number & held_mask_];
+    return held.number == number ? held.pixels : nullptr;
   }
   std::vector<TextureCounters> counters;  // by owner
 
@@ -80,7 +87,7 @@ class TileThread {
 
   TileCache& cache_;
   void* perthread_ = nullptr;
-  uint64_t wave_ = 0;
+  uint64_t wave_ = 0, held_mask_;
   std::array<Held, kHeldTiles> held_;
 };
 
@@ -102,9 +109,18 @@ class TileCache {
   // A source must live longer than this.
   Result<TileFile> add_face_tex(const FaceTexSource& source);
 
-  // All files added: takes the tables that count.
-  void begin(uint32_t owner_count);
+  // All files added: takes the tables that count; those of reads by tile (tag trace_log) when a log is kept.
+  void begin(uint32_t owner_count, bool is_logged);
   void begin_wave();
+  // That a thread keeps at hand: a power of two.
+  [[nodiscard]] uint64_t held_tiles() const { return held_tiles_; }
+  // Of the wave under way, while no thread fetches: a bit for each tile that was touched; and, when a log is kept, how
+  // often each tile was read from its file.
+  [[nodiscard]] std::span<const uint64_t> touched_in_wave() const { return touched_in_wave_; }
+  [[nodiscard]] std::span<const uint32_t> reads_in_wave() const { return reads_of_tile_; }
+  void log_read(uint64_t number, uint32_t times) {
+    if (!reads_of_tile_.empty()) std::atomic_ref(reads_of_tile_[number]).fetch_add(times, std::memory_order_relaxed);
+  }
   // A guess: it was in use within the last half of the tiles that the limit holds, or nothing has had to leave yet.
   [[nodiscard]] bool probably_holds(uint64_t number, uint64_t tile_bytes) const;
   bool is_full();  // tiles have had to leave, or soon will
@@ -116,12 +132,13 @@ class TileCache {
   static bool set(Buffer<uint64_t>& bits, uint64_t number);  // whether it was
 
   std::vector<std::string> paths_;
-  uint64_t limit_bytes_, tile_count_ = 0;
+  uint64_t limit_bytes_, tile_count_ = 0, largest_tile_bytes_ = 1, held_tiles_ = TileThread::kHeldTiles;
   uint32_t owner_count_ = 0;
   bool is_full_ = false;  // as of the last is_full()
   std::atomic<uint64_t> wave_{0};
   Buffer<uint64_t> touched_, touched_in_wave_, read_in_wave_;  // a bit a tile
   Buffer<uint32_t> used_at_;                                   // a tile: reads_ when it was last fetched
+  Buffer<uint32_t> reads_of_tile_;                             // in this wave; none without a log
   std::atomic<uint32_t> reads_{1};
 };
 

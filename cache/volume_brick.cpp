@@ -17,7 +17,9 @@ constexpr uint64_t kChecksummedFrom = offsetof(VolumeBrickHeader, size_bytes);
 
 uint64_t sample_bytes(VoxelType type) { return type == VoxelType::half_float ? 2 : 4; }
 
-uint16_t half_from_float(float x) { return static_cast<uint16_t>(_cvtss_sh(x, _MM_FROUND_TO_NEAREST_INT)); }
+uint16_t half_from_float(float x) {
+  return static_cast<uint16_t>(_mm_cvtsi128_si32(_mm_cvtps_ph(_mm_set_ss(x), _MM_FROUND_TO_NEAREST_INT)));
+}
 float float_from_half(uint16_t x) { return _cvtsh_ss(x); }
 
 uint64_t samples_offset(int32_t voxels) {

@@ -23,7 +23,7 @@ target_include_directories(spillway::imath SYSTEM INTERFACE ${SPILLWAY_imath_INC
 spillway_library(openimageio OpenImageIO/imagecache.h OpenImageIO OpenImageIO_Util)
 target_link_libraries(spillway::openimageio INTERFACE spillway::imath)
 spillway_library(opensubdiv opensubdiv/far/primvarRefiner.h osdCPU)
-# OpenVDB's headers need Boost's; its half type is Imath's. Used by the program that decodes volumes alone.
+# OpenVDB's headers need Boost's; its half type is Imath's. Used by the programs that read and write volumes alone.
 spillway_library(openvdb openvdb/openvdb.h openvdb)
 find_path(SPILLWAY_boost_INCLUDE boost/version.hpp REQUIRED)
 find_path(SPILLWAY_nanovdb_INCLUDE nanovdb/NanoVDB.h REQUIRED)

@@ -21,10 +21,6 @@ constexpr float kMostEnergy = 1.0001f;
 
 int light_rank(const shading::Light& light) { return light.kind == shading::LightKind::infinite ? 1 : 0; }
 
-bool has_place(const shading::Light& light) {
-  return light.kind == shading::LightKind::point || light.kind == shading::LightKind::spot;
-}
-
 bool is_emission(Rgb l) { return is_finite(l) && l.r >= 0 && l.g >= 0 && l.b >= 0; }
 
 Status validate_cdf(const StoreTables& t, std::string_view where) {
@@ -42,10 +38,56 @@ Status validate_cdf(const StoreTables& t, std::string_view where) {
   return {};
 }
 
+Status validate_emission(const StoreTables& t, size_t i, std::string_view where) {
+  const shading::Emission& emission = t.emissions[i];
+  if (!is_emission(emission.radiance))
+    return damaged(where, section::kEmissions, i, "emission must be finite and not negative");
+  if (emission.texture == shading::kNoEmissionTexture) return {};
+  if (emission.texture >= t.textures.size() || !is_image_by_uv(t.textures[emission.texture]))
+    return damaged(where, section::kEmissions, i, "texture {} of {} is no image", uint32_t{emission.texture},
+                   t.textures.size());
+  return {};
+}
+
+Status validate_light_image(const shading::LightImage& image, size_t texel_count, std::string_view where) {
+  const uint64_t texels = uint64_t{image.width} * image.height;
+  if (image.width == 0 || image.height == 0 || image.width > kMaxLightImageSize || image.height > kMaxLightImageSize ||
+      image.first_texel + texels > texel_count)
+    return error("{}: {} x {} texels from {} of {}", where, image.width, image.height, image.first_texel, texel_count);
+  const bool is_projection = image.half_width > 0 && image.half_height > 0;
+  if (!std::isfinite(image.half_width) || !std::isfinite(image.half_height) ||
+      (!is_projection && (image.half_width != 0 || image.half_height != 0)))
+    return error("{}: is thrown on {} by {}", where, image.half_width, image.half_height);
+  if (!is_projection && image.width != image.height)
+    return error("{}: {} x {} texels are no square", where, image.width, image.height);
+  if (!std::isfinite(image.integral) || image.integral < 0)
+    return error("{}: has a light of {}", where, image.integral);
+  for (const Float3 axis : image.axis)
+    if (!(std::fabs(length_squared(axis) - 1) <= kUnitTolerance))
+      return error("{}: has an axis of length {}, not one", where, length(axis));
+  return {};
+}
+
+Status validate_light_images(const StoreTables& t, std::string_view where) {
+  for (size_t i = 0; i < t.light_images.size(); ++i)
+    SPILLWAY_TRY(validate_light_image(t.light_images[i], t.light_texels.size(),
+                                      fmt::format("{}: section '{}', item {}", where, section::kLightImages, i)));
+  for (size_t i = 0; i < t.light_texels.size(); ++i)
+    if (!is_emission(t.light_texels[i])) return damaged(where, section::kLightTexels, i, "is negative or not finite");
+  for (size_t i = 0; i < t.lights.size(); ++i) {
+    const shading::Light& light = t.lights[i];
+    if (!shading::throws_image(light)) continue;
+    if (light.image == 0 || light.image > t.light_images.size())
+      return damaged(where, section::kLights, i, "image {} of {}", light.image, t.light_images.size());
+    const bool is_projection = t.light_images[light.image - 1].half_width > 0;
+    if (is_projection != (light.kind == shading::LightKind::projection))
+      return damaged(where, section::kLights, i, "throws an image of the other kind");
+  }
+  return {};
+}
+
 Status validate_emitters(const StoreTables& t, std::string_view where) {
-  for (size_t i = 0; i < t.emissions.size(); ++i)
-    if (!is_emission(t.emissions[i].radiance) || t.emissions[i].two_sided > 1)
-      return damaged(where, section::kEmissions, i, "emission must be finite and not negative");
+  for (size_t i = 0; i < t.emissions.size(); ++i) SPILLWAY_TRY(validate_emission(t, i, where));
   for (size_t i = 0; i < t.emitters.size(); ++i) {
     const shading::TriangleShape& s = t.emitters[i].shape;
     if (!is_finite(s.position) || !std::isfinite(length_squared(cross(s.edge1, s.edge2))))
@@ -141,7 +183,7 @@ class LightTreeWalk {
       return t_.light_roots[t_.instances[child].object] == kNoLightNode ? wrong("an instance without lights:")
                                                                         : Status{};
     }
-    if (child >= t_.lights.size() || !has_place(t_.lights[child]) || light_seen_[child])
+    if (child >= t_.lights.size() || !shading::has_place(t_.lights[child]) || light_seen_[child])
       return wrong("an impossible light");
     light_seen_[child] = true;
     return {};
@@ -186,21 +228,23 @@ Status check_without_tree(const StoreTables& t, std::string_view where) {
 }  // namespace
 
 Status check_light(const shading::Light& light, std::string_view where) {
-  if (light.kind > shading::LightKind::infinite) return error("{}: is of no known kind", where);
+  if (light.kind > shading::LightKind::projection) return error("{}: is of no known kind", where);
   if (!is_finite(light.radiance) || light.radiance.r < 0 || light.radiance.g < 0 || light.radiance.b < 0)
     return error("{}: emits ({}, {}, {}); emission must be finite and not negative", where, light.radiance.r,
                  light.radiance.g, light.radiance.b);
   if (!is_finite(light.position) || !is_finite(light.edge1) || !is_finite(light.edge2) ||
       !std::isfinite(light.cos_total) || !std::isfinite(light.cos_falloff))
     return error("{}: has a number that is not finite", where);
-  const bool has_axis = light.kind == shading::LightKind::spot || light.kind == shading::LightKind::distant;
+  const bool has_axis = light.kind == shading::LightKind::spot || light.kind == shading::LightKind::distant ||
+                        light.kind == shading::LightKind::projection;
   if (has_axis && std::fabs(length_squared(light.edge1) - 1) > kUnitTolerance)
     return error("{}: has an axis of length {}, not one", where, length(light.edge1));
   if (light.kind == shading::LightKind::spot && light.cos_falloff < light.cos_total)
     return error("{}: falls off inside an angle larger than its cone", where);
-  if (light.has_image > 1 || (light.has_image == 1 && light.kind != shading::LightKind::infinite))
+  const bool is_infinite = light.kind == shading::LightKind::infinite;
+  if (!shading::throws_image(light) && light.image > (is_infinite ? 1u : 0u))
     return error("{}: has an image, and is no infinite light", where);
-  if (light.has_image == 1)
+  if (is_infinite && light.image == 1)
     for (const Float3 axis : {light.position, light.edge1, light.edge2})
       if (std::fabs(length_squared(axis) - 1) > kUnitTolerance)
         return error("{}: has an axis of length {}, not one", where, length(axis));
@@ -230,6 +274,7 @@ Status validate_lights(const StoreTables& t, std::string_view where) {
     if (i > 0 && light_rank(t.lights[i]) < light_rank(t.lights[i - 1]))
       return damaged(where, section::kLights, i, "infinite lights come last");
   }
+  SPILLWAY_TRY(validate_light_images(t, where));
   SPILLWAY_TRY(validate_emitters(t, where));
   return validate_cdf(t, where);
 }

@@ -46,13 +46,17 @@ struct ShadowRecord {
 };
 static_assert(sizeof(ShadowRecord) == 24);
 
+// What HitRecord::is_shadow holds of a shadow ray that arrived at a place whose emission is looked up.
+inline constexpr uint32_t kShadowArrived = 2;
+
 // A surface, or a place in a medium, to be shaded, ordered by (material, mesh, face, place on the face). Written by route_rays, read by shade_hits.
 struct HitRecord {
   cache::TraceHit hit;
   Float3 direction_world;
   float t_max;     // shadow rays: how far the light is, in lengths of direction_world
-  PathRecord path; // shadow rays: throughput holds the contribution, the path's journey is otherwise unused
-  uint32_t is_shadow;
+  PathRecord path;  // shadow rays: throughput holds the contribution, position_previous the bits of the LightPlace that
+                    // they end at; the path's journey is otherwise unused
+  uint32_t is_shadow;  // 0, 1, or kShadowArrived
 };
 static_assert(sizeof(HitRecord) == 96);
 

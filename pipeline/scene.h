@@ -78,6 +78,11 @@ struct TextureNode {
   }
 }
 
+// What an emission may be multiplied by.
+[[nodiscard]] constexpr bool is_image_by_uv(const TextureNode& node) {
+  return node.kind == TextureKind::image && node.mapping == TextureMapping::uv;
+}
+
 // A material parameter: a constant, or the texture node that gives it.
 struct Param {
   Rgb constant{0, 0, 0};
@@ -142,6 +147,7 @@ struct AttributeLocation {
 // ---- lights: shading::Light, and the image of an infinite one ----
 
 inline constexpr uint32_t kMaxEnvironmentSize = 8192;  // texels an edge
+inline constexpr uint32_t kMaxLightImageSize = 4096;   // of goniometric lights and projections
 
 // ---- what the scene says about the picture; the command line may override ----
 
@@ -238,7 +244,7 @@ inline constexpr const char* kAttributesFile = "attributes.blocks";
 inline constexpr const char* kVolumesFile = "volumes.bricks";
 inline constexpr const char* kTexturesDirectory = "textures";
 inline constexpr const char* kStoreKind = "SPWSTORE";
-inline constexpr uint32_t kStoreVersion = 12;
+inline constexpr uint32_t kStoreVersion = 13;
 
 // Section names of the manifest. Arrays of the struct named.
 namespace section {
@@ -259,6 +265,8 @@ inline constexpr const char* kEmitterLeaves = "emitter_leaves";    // uint32_t, 
 inline constexpr const char* kInstanceLeaves = "instance_leaves";  // uint32_t, by instance
 inline constexpr const char* kPortals = "portals";                 // shading::Portal: none or one
 inline constexpr const char* kEnvironment = "environment";      // Rgb: the square image of an infinite light, row by row
+inline constexpr const char* kLightImages = "light_images";     // shading::LightImage; absent without any
+inline constexpr const char* kLightTexels = "light_texels";     // Rgb: of light_images
 inline constexpr const char* kPages = "pages";                  // cache::PageLocation
 inline constexpr const char* kTreeNodes = "tree_nodes";         // cache::TraceNode
 inline constexpr const char* kTreeEntries = "tree_entries";     // cache::PageTreeEntry

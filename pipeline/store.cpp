@@ -54,6 +54,10 @@ Result<StoreTables> read_tables(const cache::SectionReader& reader) {
   SPILLWAY_TRY(read_table(reader, section::kVolumeCells, MemoryTag::scene, t.volume_cells));
   SPILLWAY_TRY(read_table(reader, section::kVolumeBricks, MemoryTag::scene, t.volume_bricks));
   SPILLWAY_TRY(read_table(reader, section::kSources, MemoryTag::scene, t.sources));
+  if (reader.has(section::kLightImages)) {
+    SPILLWAY_TRY(read_table(reader, section::kLightImages, MemoryTag::lights, t.light_images));
+    SPILLWAY_TRY(read_table(reader, section::kLightTexels, MemoryTag::lights, t.light_texels));
+  }
   if (reader.has(section::kDicing)) SPILLWAY_TRY(read_table(reader, section::kDicing, MemoryTag::scene, t.dicing));
   return t;
 }
@@ -118,6 +122,7 @@ shading::LightTable Store::light_table() const {
   table.environment = {static_cast<uint32_t>(environment_size(tables_.environment.size())), tables_.environment,
                        environment_row_cdf_, environment_texel_cdf_};
   table.portals = tables_.portals;
+  table.images = {tables_.light_images, tables_.light_texels};
   table.tree = light_tree();
   return table;
 }

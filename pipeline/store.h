@@ -41,6 +41,8 @@ struct StoreTables {
   Buffer<uint32_t> light_roots, emitter_leaves, instance_leaves;
   Buffer<shading::Portal> portals;
   Buffer<Rgb> environment;
+  Buffer<shading::LightImage> light_images;
+  Buffer<Rgb> light_texels;
   Buffer<cache::PageLocation> pages;
   Buffer<cache::TraceNode> tree_nodes;
   Buffer<cache::PageTreeEntry> tree_entries;
@@ -93,6 +95,8 @@ class Store {
   [[nodiscard]] std::span<const shading::Emission> emissions() const { return tables_.emissions; }
   [[nodiscard]] std::span<const shading::Portal> portals() const { return tables_.portals; }
   [[nodiscard]] std::span<const Rgb> environment() const { return tables_.environment; }
+  [[nodiscard]] std::span<const shading::LightImage> light_images() const { return tables_.light_images; }
+  [[nodiscard]] std::span<const Rgb> light_texels() const { return tables_.light_texels; }
   [[nodiscard]] std::span<const cache::PageLocation> pages() const { return tables_.pages; }
   [[nodiscard]] std::span<const cache::Instance> instances() const { return tables_.instances; }
   [[nodiscard]] std::span<const Motion> motions() const { return tables_.motions; }

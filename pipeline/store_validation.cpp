@@ -108,7 +108,9 @@ Status validate_environment(const StoreTables& t, std::string_view where) {
     if (!is_finite(texel) || std::min({texel.r, texel.g, texel.b}) < 0)
       return damaged(where, section::kEnvironment, i, "({}, {}, {}) is negative or not finite", texel.r, texel.g, texel.b);
   }
-  const auto lights = std::count_if(t.lights.begin(), t.lights.end(), [](const shading::Light& l) { return l.has_image == 1; });
+  const auto lights = std::count_if(t.lights.begin(), t.lights.end(), [](const shading::Light& l) {
+    return l.kind == shading::LightKind::infinite && l.image == 1;
+  });
   if (lights != (t.environment.empty() ? 0 : 1))
     return damaged(where, section::kLights, 0, "{} have an image, of {} texels", lights, t.environment.size());
   return {};

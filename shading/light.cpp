@@ -23,6 +23,34 @@ float spot_falloff(const Light& light, Float3 w_from_light) {
 // The chance of a choice; the same subtraction wherever it is asked for.
 float pmf(const LightTable& table, size_t choice) { return table.cdf[choice + 1] - table.cdf[choice]; }
 
+// Of a point on an emitter whose radiance is looked up, seen from a mesh's face again. In double: floats cannot hold
+// the fourth powers of small edges.
+LightPlace place_on_mesh(const LightTable& table, const LightPick& pick, const TriangleShape& shape, Float3 point) {
+  const EmissionPlace& place = table.places[table.emitters[pick.index].emission];
+  if (!place.is_looked_up) return {};
+  const auto at = [](Float3 v, int axis) { return static_cast<double>(v[axis]); };
+  const auto product = [&](Float3 a, Float3 b, double(&out)[3]) {
+    for (int i = 0; i < 3; ++i) {
+      const int j = (i + 1) % 3, k = (i + 2) % 3;
+      out[i] = at(a, j) * at(b, k) - at(a, k) * at(b, j);
+    }
+  };
+  const Float3 to_point = point - shape.position;
+  double normal[3], of_first[3], of_second[3];
+  product(shape.edge1, shape.edge2, normal);
+  product(to_point, shape.edge2, of_first), product(shape.edge1, to_point, of_second);
+  double squared = 0, first = 0, second = 0;
+  for (int i = 0; i < 3; ++i)
+    squared += normal[i] * normal[i], first += of_first[i] * normal[i], second += of_second[i] * normal[i];
+  const auto share = [&](double part) {
+    return squared > 0 ? static_cast<float>(std::clamp(part / squared, 0.0, 1.0)) : 0.0f;
+  };
+  LightPlace result{pick.index + place.first_prim, share(first), share(second)};
+  const bool is_mirrored = pick.instance != 0 && mirrors(table.tree.instances[pick.instance].world_from_object);
+  if ((place.is_flipped != 0) != is_mirrored) std::swap(result.u, result.v);
+  return result;
+}
+
 // Lights are the choices after these.
 size_t first_light(const LightTable& table) { return table.tree.empty() ? table.emitters.size() : 1; }
 
@@ -38,10 +66,11 @@ LightSample sample_emitter(const LightTable& table, const LightPick& pick, Float
   sample.w_next_world = to_light * (1 / sample.distance);
   sample.radiance = emitter_radiance(shape, table.emissions[table.emitters[pick.index].emission], sample.w_next_world);
   sample.pdf_solid_angle = pick.pmf * place.pdf_solid_angle;
+  if (!table.places.empty()) sample.place = place_on_mesh(table, pick, shape, place.point);
   return sample;
 }
 
-LightSample sample_point(const Light& light, float chance, Float3 receiver) {
+LightSample sample_point(const LightTable& table, const Light& light, float chance, Float3 receiver) {
   const Float3 to_light = light.position - receiver;
   const float squared = length_squared(to_light);
   if (!(squared > 0)) return {};
@@ -51,6 +80,8 @@ LightSample sample_point(const Light& light, float chance, Float3 receiver) {
   sample.w_next_world = to_light * (1 / sample.distance);
   sample.radiance = light.radiance * (1 / squared);
   if (light.kind == LightKind::spot) sample.radiance = sample.radiance * spot_falloff(light, -sample.w_next_world);
+  if (throws_image(light))
+    sample.radiance *= light_image_value(table.images, table.images.images[light.image - 1], -sample.w_next_world);
   sample.pdf_solid_angle = chance;
   sample.is_delta = true;
   return sample;
@@ -87,12 +118,12 @@ Float3 direction_of_infinite(const LightTable& table, size_t i, Float3 from, Flo
     if (u.x < 0.5f) return sample_portal(*portal, from, {2 * u.x, u.y});
     u.x = 2 * u.x - 1;
   }
-  return light.has_image ? direction_of_image(table, light, u) : uniform_direction(u);
+  return light.image ? direction_of_image(table, light, u) : uniform_direction(u);
 }
 
 float pdf_of_infinite(const LightTable& table, size_t i, Float3 from, Float3 w) {
   const Light& light = table.lights[i];
-  const float pdf = light.has_image ? environment_pdf(table.environment, to_light_frame(light, w)) : 0.25f / kPi;
+  const float pdf = light.image ? environment_pdf(table.environment, to_light_frame(light, w)) : 0.25f / kPi;
   const Portal* portal = portal_of(table, i);
   return portal == nullptr ? pdf : 0.5f * pdf + 0.5f * portal_pdf_solid_angle(*portal, from, w);
 }
@@ -109,8 +140,8 @@ LightSample sample_infinite(const LightTable& table, size_t i, Float3 from, Floa
 
 }  // namespace
 
-float light_power(const Light& light, float scene_radius_world, float mean_of_image) {
-  const float l = std::max(0.0f, luminance(light.radiance)) * (light.has_image ? mean_of_image : 1);
+float light_power(const Light& light, float scene_radius_world, float of_image) {
+  const float l = std::max(0.0f, luminance(light.radiance)) * (light.image ? of_image : 1);
   const float disk = kPi * scene_radius_world * scene_radius_world;
   switch (light.kind) {
     case LightKind::point:
@@ -121,6 +152,9 @@ float light_power(const Light& light, float scene_radius_world, float mean_of_im
       return l * disk;
     case LightKind::infinite:
       return l * kPi * disk;
+    case LightKind::goniometric:
+    case LightKind::projection:
+      return l;
   }
   return 0;
 }
@@ -152,7 +186,9 @@ LightSample sample_light(const LightTable& table, const LightReceiver& receiver,
   switch (light.kind) {
     case LightKind::point:
     case LightKind::spot:
-      return sample_point(light, pick.pmf, receiver.position_world);
+    case LightKind::goniometric:
+    case LightKind::projection:
+      return sample_point(table, light, pick.pmf, receiver.position_world);
     case LightKind::distant:
       return sample_distant(light, pick.pmf);
     case LightKind::infinite:
@@ -193,8 +229,8 @@ Rgb infinite_radiance(const LightTable& table, Float3 from_world, Float3 w_world
     const Light& light = table.lights[i];
     const Portal* portal = portal_of(table, i);
     if (portal != nullptr && !looks_through(*portal, from_world, w_world)) continue;
-    sum += light.has_image ? light.radiance * environment_radiance(table.environment, to_light_frame(light, w_world))
-                           : light.radiance;
+    sum += light.image ? light.radiance * environment_radiance(table.environment, to_light_frame(light, w_world))
+                       : light.radiance;
   }
   return sum;
 }

@@ -5,25 +5,29 @@
 #include <cstdint>
 #include <span>
 
+#include "cache/base/ids.h"
 #include "cache/base/vec.h"
 #include "shading/environment.h"
+#include "shading/image_light.h"
 #include "shading/light_tree.h"
 #include "shading/portal.h"
 #include "shading/sample_triangle.h"
 
 namespace spillway::shading {
 
-enum class LightKind : uint32_t { point, spot, distant, infinite };
+enum class LightKind : uint32_t { point, spot, distant, infinite, goniometric, projection };
 
 struct Light {
   LightKind kind;
-  Rgb radiance;         // infinite: L. point, spot: intensity (W/sr). distant: irradiance across the beam
-  Float3 position;      // point, spot
-  Float3 edge1, edge2;  // spot, distant: edge1 = unit axis of emission
+  Rgb radiance;         // infinite: L. distant: irradiance across the beam. all others: intensity (W/sr)
+  Float3 position;      // of all but distant and infinite
+  Float3 edge1, edge2;  // spot, distant, projection: edge1 = unit axis of emission
                         // infinite with an image: position, edge1, edge2 are the light's unit axes in the world
   float cos_total;      // spot: nothing outside
   float cos_falloff;    // spot: full inside; a smoothstep in the cosine between
-  uint32_t has_image;   // infinite: radiance multiplies the scene's environment map; one light of a scene at most
+  // 0: none. infinite: 1, radiance multiplies the scene's environment map; one light of a scene at most.
+  // goniometric, projection: one more than the place in the table of light images.
+  uint32_t image;
 };
 static_assert(sizeof(Light) == 64);
 
@@ -34,12 +38,29 @@ struct Emitter {
 };
 static_assert(sizeof(Emitter) == 40);
 
+inline constexpr uint32_t kNoEmissionTexture = 0x7fffffffu;
+
 // What a mesh emits.
 struct Emission {
-  Rgb radiance;
-  uint32_t two_sided;
+  Rgb radiance;  // of a mesh with a texture: what its texels multiply
+  uint32_t two_sided : 1 = 0;
+  uint32_t texture : 31 = kNoEmissionTexture;
 };
 static_assert(sizeof(Emission) == 16);
+
+// A place on a mesh's face, as hits have it; of light samples whose emission a texture says.
+struct LightPlace {
+  uint32_t prim = PrimId::kNone;  // none: what the sample brings is known
+  float u = 0, v = 0;
+};
+static_assert(sizeof(LightPlace) == sizeof(Float3));
+
+// Where the emitters of an emission are on meshes; of scenes that look emissions up.
+struct EmissionPlace {
+  uint32_t first_prim = 0;    // added to an emitter's number, modulo 2^32: its face
+  uint32_t is_flipped = 0;    // the emitters' edges are the faces' second and first
+  uint32_t is_looked_up = 0;  // by a texture of radiance, or one of opacity
+};
 
 // Selection is by `cdf` over choices: first the emitters one by one, or in scenes with very many of them the tree,
 // which then holds point and spot lights too; after that the lights.
@@ -53,20 +74,31 @@ struct LightTable {
   EnvironmentMap environment{};  // of the one that has an image
   std::span<const Portal> portals{};  // none, or the one of the scene
   LightTree tree{};              // empty: emitters are choices of their own
+  LightImages images{};          // of goniometric lights and projections
+  std::span<const EmissionPlace> places{};  // by emission; empty: no emission is looked up
   bool emitters_by_area = false;  // points on emitters are spread over the area alone, see sample_triangle_by_area
   [[nodiscard]] bool empty() const { return emitters.empty() && lights.empty(); }
 };
 
-// Radiant power, for selection; infinite and distant lights use the scene's radius. mean_of_image: luminance, of an
-// infinite light's image.
-[[nodiscard]] float light_power(const Light& light, float scene_radius_world, float mean_of_image = 1);
+[[nodiscard]] inline bool has_place(const Light& light) {
+  return light.kind != LightKind::distant && light.kind != LightKind::infinite;
+}
+// Whether it has an image of its own.
+[[nodiscard]] inline bool throws_image(const Light& light) {
+  return light.kind == LightKind::goniometric || light.kind == LightKind::projection;
+}
+
+// Radiant power, for selection; infinite and distant lights use the scene's radius. of_image: of an infinite light's
+// image the mean luminance, of others' LightImage::integral.
+[[nodiscard]] float light_power(const Light& light, float scene_radius_world, float of_image = 1);
 [[nodiscard]] float emitter_power(const TriangleShape& shape, const Emission& emission);
 
 struct LightSample {
   Float3 w_next_world{0, 0, 1};  // unit, towards the light
   Float3 point_world{0, 0, 0};   // on the light, where it has a place
   float distance = 0;            // to that point; infinity for distant and infinite lights
-  Rgb radiance{0, 0, 0};         // arriving if nothing is in between (point: intensity / distance^2)
+  Rgb radiance{0, 0, 0};         // arriving if nothing is in between (point: intensity / distance^2); times what is at
+  LightPlace place{};            // that place, where one is named
   float pdf_solid_angle = 0;     // including the pmf of the light; for deltas: the pmf alone
   bool is_delta = false;
 };

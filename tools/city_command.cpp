@@ -26,7 +26,7 @@ constexpr double kUsualTexels = 4;  // a metre
 struct CityArguments {
   CityOptions city;
   fs::path output;
-  std::string format = "pbrt", terrain = "full", frames;
+  std::string format = "pbrt", terrain = "full", frames, fog;
   uint64_t memory_bytes = 0;
   uint64_t street_lights = 0, trees = 0, cars = 0;
   float edge_length_px = pipeline::DiceOptions{}.edge_length_px;
@@ -67,7 +67,9 @@ Status write_city(const CityArguments& a, const City& plan) {
   fs::remove(a.output / "manifest.json", code);
   SPILLWAY_TRY(city::write_sky(a.output / "sky.exr", a.city.time));
   SPILLWAY_ASSIGN(const auto sink, make_sink(a));
-  SPILLWAY_TRY(plan.emit(*sink, a.output / "sky.exr"));
+  const fs::path air = a.output / "air.vdb";
+  if (plan.has_air()) SPILLWAY_TRY(plan.write_air(air));
+  SPILLWAY_TRY(plan.emit(*sink, a.output / "sky.exr", air));
   SPILLWAY_TRY(sink->finish());
   if (const auto* packer = dynamic_cast<const pipeline::ScenePacker*>(sink.get()); packer && !a.quiet)
     fmt::print(stderr, "{}", report_table(packer->report()));
@@ -89,9 +91,28 @@ Status read_frames(CityArguments& a) {
   return {};
 }
 
+// "all", or some of fog, cloud and smoke.
+Status read_fog(CityArguments& a) {
+  city::AirKinds& air = a.city.air;
+  std::string_view rest = a.fog;
+  while (!rest.empty()) {
+    const std::string_view kind = rest.substr(0, rest.find(','));
+    rest.remove_prefix(std::min(rest.size(), kind.size() + 1));
+    if (kind == "all") air = {true, true, true};
+    else if (kind == "fog") air.fog = true;
+    else if (kind == "cloud") air.cloud = true;
+    else if (kind == "smoke") air.smoke = true;
+    else return error("--fog={}: write some of fog, cloud and smoke, separated by commas, or all", a.fog);
+  }
+  if (air.any() && a.city.tessellate)
+    return error("--fog: a tessellated city is for renderers that read no .vdb files; leave out one of both");
+  return {};
+}
+
 // What the command line alone tells.
 Status check_usage(CityArguments& a, const CLI::App& command) {
   SPILLWAY_TRY(read_frames(a));
+  SPILLWAY_TRY(read_fog(a));
   for (const char* option : {"--memory", "--edge-length-px"})
     if (a.format != "store" && command.count(option) > 0)
       return error("{}: is of --format store: text is written as it is made, and diced when it is packed", option);
@@ -168,6 +189,10 @@ void add_city_command(CLI::App& app, int& exit_code) {
   const std::map<std::string, CameraKind> cameras = {
       {"aerial", CameraKind::aerial}, {"street", CameraKind::street}, {"flight", CameraKind::flight}};
   add_choice(*command, "--camera", a.city.camera, cameras, "[aerial]");
+  command->add_flag("--fog{all}", a.fog,
+                    "fog, low cloud and smoke of chimneys, as air.vdb; --fog=fog,cloud,smoke: some of them");
+  command->add_option("--fog-cells", a.city.air_cells, "samples of it along the city's radius; more: a larger file [160]")
+      ->check(CLI::Range(8u, 320u));
   command->add_option("--frames", a.frames, "FIRST-LAST of the flight's 240 [1]");
   command->add_option("--format", a.format, "pbrt: text and PLY; store: packed [pbrt]")
       ->check(CLI::IsMember({"pbrt", "store"}));

@@ -70,6 +70,8 @@ Result<pipeline::PackReport> pack_scene(const OpenSceneOptions& options) {
   tell_warnings(report, options.quiet);
   SPILLWAY_TRY(imported);
   SPILLWAY_TRY(packer->finish());
+  if (!options.quiet)
+    for (const std::string& note : packer->report().notes) fmt::print(stderr, "spillway: note: {}\n", note);
   return packer->report();
 }
 

@@ -36,8 +36,8 @@ struct RenderArguments {
   int max_depth = -1, light_selection = -1, estimator = -1, texture_filter = -1, majorants = -1;
   uint64_t wave_paths = 0;
   double time_limit = 0, error = 0;
-  bool has_seed = false, independent = false, aovs = false, halves = false, costs = false, direct = false, no_sort_rays = false,
-       no_roulette = false, json = false;
+  bool has_seed = false, independent = false, aovs = false, halves = false, costs = false, direct = false,
+       no_sort_rays = false, no_sort_hits = false, no_roulette = false, json = false;
   bool no_read_ahead = false, no_resident_first = false, no_park = false, no_top_up = false;
   uint32_t hit_batch = 0;
   std::string access_log;
@@ -94,6 +94,7 @@ Result<RenderOptions> render_options(const RenderArguments& arguments, const Sto
   options.plan.wave_paths = arguments.wave_paths;
   options.plan.spill = arguments.spill == "always" ? 1 : arguments.spill == "never" ? 0 : -1;
   options.sort_rays = !arguments.no_sort_rays;
+  options.sort_hits = !arguments.no_sort_hits;
   options.hit_batch_rays = arguments.hit_batch;
   options.read_ahead = !arguments.no_read_ahead;
   options.resident_first = !arguments.no_resident_first;
@@ -288,10 +289,12 @@ void add_performance(CLI::App& command, RenderArguments& a) {
   share("--page-share", a.options.plan.page_bytes, "geometry pages");
   share("--attribute-share", a.options.plan.attribute_bytes, "attribute blocks");
   share("--texture-share", a.options.plan.texture_bytes, "texture tiles");
+  share("--volume-share", a.options.plan.volume_bytes, "bricks of volumes");
   share("--hit-sort-share", a.options.hit_sort_bytes, "sorting hits");
   command.add_option("--spill", a.spill, "auto, always or never [auto]")->check(CLI::IsMember({"auto", "always", "never"}));
   command.add_flag("--direct-io", a.direct, "read pages and attributes past the page cache");
   command.add_flag("--no-sort-rays", a.no_sort_rays, "trace rays in the order they were made");
+  command.add_flag("--no-sort-hits", a.no_sort_hits, "shade hits in the order in which they arrive");
   command.add_option("--hit-batch", a.hit_batch, "sort the hits of so many rays together [of the wave]");
   command.add_flag("--no-read-ahead", a.no_read_ahead, "read a page when the sweep comes to it");
   command.add_flag("--no-resident-first", a.no_resident_first, "sweep resident pages with the others");
@@ -319,7 +322,8 @@ void add_render_command(CLI::App& app, int& exit_code) {
                       "estimated to be below this with 95 %, equal to --spp k; --spp is then the most [65536]")
       ->check(fraction());
   command->add_option("--report", a.report, "write what the render did as JSON");
-  command->add_option("--access-log", a.access_log, "write which pages each wave needed and read, for `whatif`");
+  command->add_option("--access-log", a.access_log,
+                      "write which pages and tiles each wave needed and read, for `whatif`");
   command->add_option("--trace", a.trace, "write stages, waves and reads in Chrome's trace format");
   command->add_flag("--json", a.json, "print the report as JSON");
   command->callback([arguments, &exit_code] { exit_code = run(*arguments); });

@@ -103,8 +103,9 @@ LightItem emitter_item(const shading::TriangleShape& shape, const shading::Emiss
   return item;
 }
 
-// A spot shines within its cone alone; the half space around each normal of this one holds it.
-LightItem light_item(const shading::Light& light, uint32_t index) {
+// A spot shines within its cone alone, a projection before itself; the half space around each normal of this one holds
+// it.
+LightItem light_item(const shading::Light& light, uint32_t index, float of_image) {
   LightItem item;
   item.box.grow(light.position);
   item.cos_cone = -1;
@@ -113,7 +114,8 @@ LightItem light_item(const shading::Light& light, uint32_t index) {
     // The angle of the spot less a quarter turn.
     item.cos_cone = light.cos_total >= 0 ? 1 : std::sqrt(1 - light.cos_total * light.cos_total);
   }
-  item.energy = shading::light_power(light, 1) / shading::kPi;
+  if (light.kind == shading::LightKind::projection) item.axis = light.edge1, item.cos_cone = 1;
+  item.energy = shading::light_power(light, 1, of_image) / shading::kPi;
   item.child = shading::light_child(shading::LightChild::light, index);
   return item;
 }

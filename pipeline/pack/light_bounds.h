@@ -19,10 +19,10 @@ struct LightItem {
   uint32_t child = 0;  // shading::light_child
 };
 
-// The energy of one triangle or light (point, spot) may be zero; not finite is an error of the caller's.
+// The energy of one triangle or light that has a place may be zero; not finite is an error of the caller's.
 [[nodiscard]] LightItem emitter_item(const shading::TriangleShape& shape, const shading::Emission& emission,
                                      uint32_t index);
-[[nodiscard]] LightItem light_item(const shading::Light& light, uint32_t index);
+[[nodiscard]] LightItem light_item(const shading::Light& light, uint32_t index, float of_image = 1);
 
 // cos(a + b) of two angles given by their cosines; -1 beyond a half turn.
 [[nodiscard]] double cosine_of_sum(double cos_a, double cos_b);

@@ -42,6 +42,8 @@ struct SpooledMesh {
   bool emits = false;
   bool emits_two_sided = false;
   Rgb emission{0, 0, 0};
+  uint32_t emission_texture = TextureId::kNone;
+  bool emission_is_mean = false;
   std::vector<MeshChunk> chunks;
 };
 

@@ -19,13 +19,14 @@ struct ChunkRange {
   size_t first, last;
 };
 
-// As many whole chunks a block as fit.
+// As many whole chunks a block as fit, of a mesh one: pieces of a diced mesh are not full.
 std::vector<ChunkRange> cut_blocks(const std::vector<PlacedChunk>& chunks, uint32_t max_faces) {
   std::vector<ChunkRange> blocks;
   uint32_t faces = max_faces + 1;
   for (size_t c = 0; c < chunks.size(); ++c) {
     const uint32_t more = chunks[c].chunk.face_count;
-    if (faces + more > max_faces) blocks.push_back({c, c}), faces = 0;
+    const bool same_mesh = c > 0 && chunks[c].mesh == chunks[c - 1].mesh;
+    if (faces + more > max_faces || same_mesh) blocks.push_back({c, c}), faces = 0;
     faces += more;
     blocks.back().last = c + 1;
   }

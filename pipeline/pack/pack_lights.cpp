@@ -3,14 +3,13 @@
 #include <algorithm>
 #include <cmath>
 
+#include "pipeline/evaluate_texture.h"
 #include "pipeline/store.h"
 
 namespace spillway::pipeline {
 namespace {
 
-bool has_place(const shading::Light& light) {
-  return light.kind != shading::LightKind::distant && light.kind != shading::LightKind::infinite;
-}
+using shading::has_place;
 
 float mean_luminance(std::span<const Rgb> texels) {
   double sum = 0;
@@ -50,15 +49,84 @@ class LightPacker {
       if (!mesh.emits) continue;
       const size_t first = out_.emitters.size();
       mesh.row.light_base = static_cast<uint32_t>(first);
-      out_.emissions.push_back({mesh.emission, mesh.emits_two_sided ? 1u : 0u});
+      SPILLWAY_ASSIGN(const shading::Emission emission, emission_of(mesh));
+      out_.emissions.push_back(emission);
       for (const MeshChunk& chunk : mesh.chunks) SPILLWAY_TRY(add_chunk(mesh, chunk, reader));
       objects_[mesh.row.object].ranges.emplace_back(first, out_.emitters.size());
     }
     return {};
   }
 
+  // One given by what it comes to on the mean is divided by its image's, as pbrt-v4 does with "power".
+  [[nodiscard]] Result<shading::Emission> emission_of(const SpooledMesh& mesh) const {
+    shading::Emission emission{.radiance = mesh.emission};
+    emission.two_sided = mesh.emits_two_sided ? 1 : 0;
+    if (mesh.emission_texture == TextureId::kNone) return emission;
+    emission.texture = mesh.emission_texture & shading::kNoEmissionTexture;
+    const cache::ImageInfo& image = in_.images[in_.textures[mesh.emission_texture].image];
+    if (const uint64_t at = image.not_finite; at != 0)
+      return error("{}: texel ({}, {}) of the image it emits is infinite or no number; light must be finite", mesh.name,
+                   (at - 1) % image.width, (at - 1) / image.width);
+    if (!mesh.emission_is_mean) return emission;
+    const float mean = luminance(mean_texel(mesh.emission_texture));
+    if (!(mean > 0)) return error("{}: emits a black image, which cannot have the light's \"power\"", mesh.name);
+    emission.radiance = emission.radiance * (1 / mean);
+    if (!is_finite(emission.radiance))
+      return error("{}: the image it emits is too dark for the light's \"power\"", mesh.name);
+    return emission;
+  }
+
+  [[nodiscard]] Rgb mean_texel(uint32_t texture) const {
+    const cache::ImageInfo& image = in_.images[in_.textures[texture].image];
+    cache::Texel mean;
+    for (uint32_t c = 0; c < 4; ++c) mean.value[c] = image.mean[image.channels < 3 ? 0 : c];
+    return positive(image_value(in_.textures[texture], mean));
+  }
+
+  static Rgb positive(const cache::Texel& t) {
+    return {std::max(0.0f, t.value[0]), std::max(0.0f, t.value[1]), std::max(0.0f, t.value[2])};
+  }
+
+  // What the texture is on each face of a chunk: the mean of footprints that cover its four quarters.
+  Status add_texels(uint32_t texture, const cache::AttributeSegmentData& data) {
+    static constexpr Float2 kWhole[3] = {{0, 0}, {1, 0}, {1, 1}};  // as shading_point, without uvs
+    static constexpr Float2 kQuarters[4] = {
+        {1.0f / 3, 1.0f / 3}, {2.0f / 3, 1.0f / 6}, {1.0f / 6, 2.0f / 3}, {1.0f / 6, 1.0f / 6}};
+    std::vector<TextureQuery> queries;
+    for (size_t i = 0; i < data.indices.size(); i += 3) {
+      Float2 uv[3];
+      for (size_t k = 0; k < 3; ++k) uv[k] = data.uvs.empty() ? kWhole[k] : data.uvs[data.indices[i + k]];
+      const Float2 a = uv[1] - uv[0], b = uv[2] - uv[0];
+      const float width = std::sqrt(std::fabs(a.x * b.y - a.y * b.x) / 8);  // of a quarter of its area
+      for (const Float2 q : kQuarters)
+        queries.push_back({texture, uv[0] + a * q.x + b * q.y, std::isfinite(width) ? width : 0});
+    }
+    std::vector<cache::Texel> values(queries.size());
+    TextureEvaluator::Scratch scratch;
+    SPILLWAY_TRY(TextureEvaluator(in_.textures, in_.image_cache).evaluate(queries, values, scratch));
+    const Rgb least = mean_texel(texture) * kLeastOfMeanTexel;
+    for (size_t f = 0; f < values.size(); f += 4) {
+      Rgb sum{0, 0, 0};
+      for (size_t k = 0; k < 4; ++k) sum += positive(values[f + k]) * 0.25f;
+      texels_.push_back({std::max(sum.r, least.r), std::max(sum.g, least.g), std::max(sum.b, least.b)});
+    }
+    return {};
+  }
+
+  // As selection sees it.
+  [[nodiscard]] shading::Emission mean_emission(size_t emitter) const {
+    shading::Emission emission = out_.emissions[out_.emitters[emitter].emission];
+    if (emission.texture != shading::kNoEmissionTexture) emission.radiance *= texels_[emitter];
+    return emission;
+  }
+
   Status add_chunk(const SpooledMesh& mesh, const MeshChunk& chunk, SpoolReader& reader) {
-    SPILLWAY_ASSIGN(const cache::AttributeSegmentData data, reader.read(chunk, false));
+    const bool is_textured = mesh.emission_texture != TextureId::kNone;
+    SPILLWAY_ASSIGN(const cache::AttributeSegmentData data, reader.read(chunk, is_textured));
+    if (is_textured) {
+      texels_.resize(out_.emitters.size(), Rgb{1, 1, 1});
+      SPILLWAY_TRY(add_texels(mesh.emission_texture, data));
+    }
     const bool flip = (mesh.row.flags & kMeshFlipNormals) != 0;
     Bounds3& box = objects_[mesh.row.object].box;
     for (size_t i = 0; i < data.indices.size(); i += 3) {
@@ -94,16 +162,20 @@ class LightPacker {
     };
     for (size_t i = 0; i < out_.emitters.size(); ++i) {
       const shading::Emitter& emitter = out_.emitters[i];
-      emitter_power_.push_back(shading::emitter_power(emitter.shape, out_.emissions[emitter.emission]));
+      emitter_power_.push_back(shading::emitter_power(emitter.shape, mean_emission(i)));
       SPILLWAY_TRY(check("emitting triangle", i, emitter_power_.back()));
       if (emitter_power_.back() == 0) ++out_.dark_count;
     }
     for (size_t i = 0; i < out_.lights.size(); ++i) {
-      light_power_.push_back(shading::light_power(out_.lights[i], radius_, mean_of_image_));
+      light_power_.push_back(shading::light_power(out_.lights[i], radius_, of_image(out_.lights[i])));
       SPILLWAY_TRY(check("light", i, light_power_.back()));
       if (light_power_.back() == 0) ++out_.dark_count;
     }
     return {};
+  }
+
+  [[nodiscard]] float of_image(const shading::Light& light) const {
+    return shading::throws_image(light) ? in_.light_images[light.image - 1].integral : mean_of_image_;
   }
 
   [[nodiscard]] bool has_tree() const {
@@ -125,7 +197,7 @@ class LightPacker {
     builder.begin(0, objects_[0].box);
     SPILLWAY_TRY(add_triangles(0, builder));
     for (uint32_t i = 0; i < out_.lights.size(); ++i)
-      if (has_place(out_.lights[i])) SPILLWAY_TRY(builder.add(light_item(out_.lights[i], i)));
+      if (has_place(out_.lights[i])) SPILLWAY_TRY(builder.add(light_item(out_.lights[i], i, of_image(out_.lights[i]))));
     for (uint32_t i = 1; i <= in_.emitting_instance_count; ++i) {
       const LightItem item = instance(built, i);
       if (!std::isfinite(item.energy))
@@ -142,9 +214,7 @@ class LightPacker {
   Status add_triangles(uint32_t object, LightTreeBuilder& builder) const {
     for (const auto& [first, last] : objects_[object].ranges)
       for (size_t i = first; i < last; ++i) {
-        const shading::Emitter& emitter = out_.emitters[i];
-        SPILLWAY_TRY(
-            builder.add(emitter_item(emitter.shape, out_.emissions[emitter.emission], static_cast<uint32_t>(i))));
+        SPILLWAY_TRY(builder.add(emitter_item(out_.emitters[i].shape, mean_emission(i), static_cast<uint32_t>(i))));
       }
     return {};
   }
@@ -196,6 +266,7 @@ class LightPacker {
   const PackLightsInput& in_;
   std::vector<EmittingObject> objects_;
   float mean_of_image_, radius_;
+  std::vector<Rgb> texels_;  // by emitter, as far as the last textured one
   std::vector<float> emitter_power_, light_power_;
   double tree_power_ = 0;
   PackedLights out_;

@@ -2,11 +2,14 @@
 
 // Makes the light tables.
 //
-// In:     the spooled scene (emissive meshes), the other lights in the order of the scene, the environment's texels,
-//         instances (those of objects that emit come first), the bounds of the world.
+// In:     the spooled scene (emissive meshes), the other lights in the order of the scene, their images, the
+//         environment's texels, instances (those of objects that emit come first), the bounds of the world; the
+//         textures that emissions are multiplied by.
 // Out:    an emitter a face of an emissive mesh, by ascending prim, once however often its object stands; light_base of
 //         the meshes set; the other lights, infinite ones last; the tree, in scenes with more than kFewLights lights
 //         that have a place, or with instances that emit; the cumulative distribution in proportion to power.
+//         A textured emitter is as strong as its texture is on it, estimated from a few footprints, and at least
+//         kLeastOfMeanTexel of the whole image: what they miss is never left without a chance.
 // Memory: tag pack: one chunk of a mesh, what the tree's builder takes, and the tables.
 // Order:  serial; sums in double, in the order of the tables.
 //
@@ -27,6 +30,8 @@ namespace spillway::pipeline {
 // So many lights are chosen by power, wherever they are; a tree would cost more than it saves.
 inline constexpr size_t kFewLights = 16;
 
+inline constexpr float kLeastOfMeanTexel = 1.0f / 64;
+
 struct PackedLights {
   std::vector<shading::Emitter> emitters;
   std::vector<shading::Emission> emissions;
@@ -39,10 +44,14 @@ struct PackedLights {
 struct PackLightsInput {
   std::span<const shading::Light> other_lights;
   std::span<const Rgb> environment;
+  std::span<const shading::LightImage> light_images;
   std::span<const cache::Instance> instances;
   size_t emitting_instance_count = 0;
   Bounds3 bounds_world;
   BuildLightTreeOptions tree;
+  std::span<const TextureNode> textures;
+  std::span<const cache::ImageInfo> images;
+  cache::TextureCache* image_cache = nullptr;  // null: there are no images
 };
 
 Result<PackedLights> pack_lights(SpooledScene& scene, const PackLightsInput& input);

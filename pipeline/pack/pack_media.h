@@ -36,6 +36,7 @@ class SaidMedia {
   Result<uint32_t> add_medium(const MediumInput& medium);
   void set_black_bodies(std::span<const Rgb> table) { black_bodies_.assign(table.begin(), table.end()); }
   [[nodiscard]] size_t medium_count() const { return media_.size(); }
+  [[nodiscard]] const std::string& name(uint32_t medium) const { return media_[medium].name; }
   [[nodiscard]] bool has_volumes() const { return !volumes_.empty(); }
 
   // Bricks go to `bricks`; decoders write beside it.

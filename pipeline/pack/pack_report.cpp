@@ -67,6 +67,7 @@ std::string report_json(const PackReport& r) {
                                   {"diced_triangles", r.dice.triangle_count},
                                   {"diced_cages_found", r.dice.cached_cage_count},
                                   {"diced_triangles_found", r.dice.cached_triangle_count},
+                                  {"notes", r.notes},
                                   {"pack_tag_peak_bytes", memory_use(MemoryTag::pack).peak_bytes},
                                   {"resident_peak_bytes", resident_memory().peak_bytes}});
 }

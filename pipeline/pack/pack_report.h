@@ -26,6 +26,7 @@ struct PackReport {
   uint64_t pass_count = 0;  // over the triangles of objects that could not be held, to cut them
   uint64_t largest_set_triangles = 0;
   DiceReport dice;
+  std::vector<std::string> notes;  // what was decided that the scene does not say
 
   PackStep& step(const std::string& name);
 };

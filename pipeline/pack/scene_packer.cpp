@@ -1,6 +1,7 @@
 #include "pipeline/pack/scene_packer.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include "pipeline/evaluate_texture.h"
 #include "pipeline/light_validation.h"
@@ -126,7 +127,8 @@ Status ScenePacker::add_light(const shading::Light& light) {
   SPILLWAY_TRY(state_);
   const std::string where = fmt::format("light {}", lights_.size());
   SPILLWAY_TRY(failed(check_light(light, where)));
-  if (light.has_image != 0) return failed(error("{}: an infinite light with an image is an environment", where));
+  if (light.image != 0) return failed(error("{}: an infinite light with an image is an environment", where));
+  if (shading::throws_image(light)) return failed(error("{}: throws an image, and has none", where));
   lights_.push_back(light);
   return {};
 }
@@ -135,10 +137,25 @@ Status ScenePacker::add_environment(const shading::Light& light, ImageId image) 
   SPILLWAY_TRY(state_);
   const std::string where = fmt::format("light {}", lights_.size());
   SPILLWAY_TRY(failed(check_light(light, where)));
-  if (light.has_image == 0 || image.value >= images_.size()) return failed(error("{}: has no image", where));
+  if (light.image == 0 || image.value >= images_.size()) return failed(error("{}: has no image", where));
   if (environment_image_.valid()) return failed(error("{}: is the second infinite light with an image; one is possible", where));
   lights_.push_back(light);
   environment_image_ = image;
+  return {};
+}
+
+Status ScenePacker::add_image_light(const ImageLightInput& input) {
+  SPILLWAY_TRY(state_);
+  ImageLightInput light = input;
+  light.light.image = static_cast<uint32_t>(image_lights_.size()) + 1;
+  SPILLWAY_TRY(failed(check_light(light.light, light.name)));
+  const bool is_projection = light.light.kind == shading::LightKind::projection;
+  if (!shading::throws_image(light.light) || light.image.value >= images_.size())
+    return failed(error("{}: throws no image", light.name));
+  if (is_projection != (light.tangent > 0) || !std::isfinite(light.tangent))
+    return failed(error("{}: throws its image on {} at distance 1", light.name, light.tangent));
+  lights_.push_back(light.light);
+  image_lights_.push_back(std::move(light));
   return {};
 }
 
@@ -194,6 +211,10 @@ Status ScenePacker::check_mesh(const MeshInput& mesh) const {
   const Rgb l = mesh.emission;
   if (mesh.emits && (!is_finite(l) || l.r < 0 || l.g < 0 || l.b < 0))
     return error("{}: emits ({}, {}, {}); emission must be finite and not negative", mesh.name, l.r, l.g, l.b);
+  const uint32_t texture = mesh.emission_texture.value;
+  if (mesh.emits && mesh.emission_texture.valid() &&
+      (texture >= textures_.size() || !is_image_by_uv(textures_[texture])))
+    return error("{}: emits by texture {} of {}, which is no image", mesh.name, texture, textures_.size());
   return {};
 }
 

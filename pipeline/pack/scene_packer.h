@@ -67,6 +67,7 @@ class ScenePacker final : public SceneSink {
   Result<MaterialId> add_material(const Material& material, std::string name) override;
   Status add_light(const shading::Light& light) override;
   Status add_environment(const shading::Light& light, ImageId image) override;
+  Status add_image_light(const ImageLightInput& light) override;
   Result<uint32_t> add_volume(const VolumeInput& volume) override;
   Result<uint32_t> add_medium(const MediumInput& medium) override;
   void set_black_bodies(std::span<const Rgb> table) override { media_.set_black_bodies(table); }
@@ -112,9 +113,11 @@ class ScenePacker final : public SceneSink {
   Status write_images(Packed& packed);
   Status write_attributes(Packed& packed);
   Status write_lights(Packed& packed);
+  Status write_light_images(Packed& packed);
   Status open_images(Packed& packed) const;
   Status write_pages(Packed& packed);
   Status write_volumes(Packed& packed) const;
+  Status find_camera_medium();
   SceneStatistics statistics(const Packed& packed) const;
   [[nodiscard]] std::string name_lines() const;
   Status write_manifest(const Packed& packed);
@@ -138,6 +141,7 @@ class ScenePacker final : public SceneSink {
   SaidMedia media_;
   MaterialId interface_material_;  // of meshes that only divide media
   std::vector<shading::Light> lights_;
+  std::vector<ImageLightInput> image_lights_;  // each is in lights_ too
   std::vector<shading::Portal> portals_;
   ImageId environment_image_;
   std::vector<cache::Instance> instances_;

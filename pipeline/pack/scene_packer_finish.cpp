@@ -7,6 +7,7 @@
 #include "cache/section_file.h"
 #include "pipeline/pack/bake_micromap.h"
 #include "pipeline/pack/dice_subdivision.h"
+#include "pipeline/pack/find_camera_medium.h"
 #include "pipeline/pack/pack_attributes.h"
 #include "pipeline/pack/pack_environment.h"
 #include "pipeline/pack/pack_image.h"
@@ -41,6 +42,7 @@ struct ScenePacker::Packed {
   PackedPageTree tree;
   PackedLights lights;
   std::vector<Rgb> environment;
+  PackedLightImages light_images;
   PackedMedia media;
   std::unique_ptr<cache::TextureCache> textures;  // of the images; null without any
 };
@@ -165,6 +167,7 @@ Status ScenePacker::write_store() {
   SPILLWAY_TRY(number_meshes());
   keep_instances_of_triangles();
   SPILLWAY_TRY(check_emitters_stand_still());
+  SPILLWAY_TRY(find_camera_medium());
   SPILLWAY_TRY(check_disk());
   SPILLWAY_TRY(write_attributes(packed));
   SPILLWAY_TRY(write_pages(packed));
@@ -203,9 +206,22 @@ Status ScenePacker::write_lights(Packed& packed) {
     SPILLWAY_ASSIGN(packed.environment,
                     pack_environment(image, packed.images[image], *packed.textures, images_[image].file.string()));
   }
+  SPILLWAY_TRY(write_light_images(packed));
   const BuildLightTreeOptions tree{.scratch = scratch_.get(), .memory_limit_bytes = options_.memory_limit_bytes / 8};
-  SPILLWAY_ASSIGN(packed.lights, pack_lights(scene_, {lights_, packed.environment, instances_, emitting_instance_count_,
-                                                      packed.tree.bounds_world, tree}));
+  SPILLWAY_ASSIGN(packed.lights, pack_lights(scene_, {lights_, packed.environment, packed.light_images.images,
+                                                      instances_, emitting_instance_count_, packed.tree.bounds_world,
+                                                      tree, textures_, packed.images, packed.textures.get()}));
+  return {};
+}
+
+Status ScenePacker::write_light_images(Packed& packed) {
+  if (image_lights_.empty()) return {};
+  std::vector<std::string> names;
+  for (const ImageSource& image : images_) names.push_back(image.file.string());
+  SPILLWAY_ASSIGN(packed.light_images, pack_light_images(image_lights_, packed.images, names, packed.textures.get()));
+  for (const ImageLightInput& image_light : image_lights_)
+    for (shading::Light& light : lights_)
+      if (shading::throws_image(light) && light.image == image_light.light.image) light = image_light.light;
   return {};
 }
 
@@ -213,6 +229,34 @@ Status ScenePacker::open_images(Packed& packed) const {
   if (packed.images.empty()) return {};
   const cache::TextureCache::Options options{.memory_limit_bytes = options_.memory_limit_bytes / 8};
   SPILLWAY_ASSIGN(packed.textures, cache::TextureCache::open(directory_ / kTexturesDirectory, packed.images, options));
+  return {};
+}
+
+// Where the scene does not say it. Nothing is looked for where nothing divides media.
+Status ScenePacker::find_camera_medium() {
+  uint32_t& medium = settings_.render.camera_medium;
+  if (medium != kMediumUnsaid) return {};
+  medium = kNoMedium;
+  if (std::ranges::none_of(scene_.meshes, [](const SpooledMesh& m) { return (m.row.flags & kMeshDividesMedia) != 0; }))
+    return {};
+  const auto place_of = [](const shading::Camera& camera) {
+    const auto& m = camera.world_from_camera.m;
+    return Float3{m[0][3], m[1][3], m[2][3]};
+  };
+  std::vector<Float3> eyes;
+  for (const FrameCamera& frame : camera_path_) eyes.push_back(place_of(frame.camera));
+  if (eyes.empty()) eyes = {place_of(settings_.camera)};
+  SPILLWAY_ASSIGN(const std::vector<uint32_t> media, find_camera_media(scene_, instances_, eyes));
+  medium = media.front();
+  constexpr const char* kSayIt = "MediumInterface before Camera says otherwise";
+  if (medium != kNoMedium)
+    report_.notes.push_back(fmt::format("the camera is inside of {}, which the scene does not say: its rays begin there; {}",
+                                        media_.name(medium), kSayIt));
+  const auto elsewhere = std::ranges::count_if(media, [&](uint32_t other) { return other != medium; });
+  if (elsewhere > 0)
+    report_.notes.push_back(fmt::format("{} of {} frames have their camera in another medium than the first, and are "
+                                        "rendered as if it were in that one; render them as scenes of their own",
+                                        elsewhere, media.size()));
   return {};
 }
 
@@ -324,6 +368,10 @@ Status ScenePacker::write_manifest(const Packed& packed) {
   add(section::kInstanceLeaves, packed.lights.trees.instance_leaves);
   add(section::kPortals, portals_);
   add(section::kEnvironment, packed.environment);
+  if (!packed.light_images.images.empty()) {
+    add(section::kLightImages, packed.light_images.images);
+    add(section::kLightTexels, packed.light_images.texels);
+  }
   add(section::kPages, packed.pages.pages);
   add(section::kTreeNodes, packed.tree.nodes);
   add(section::kTreeEntries, packed.tree.entries);

@@ -41,6 +41,8 @@ struct MeshInput {
   bool emits = false;                    // in an object: at each of its instances
   Rgb emission{0, 0, 0};
   bool emits_two_sided = false;
+  TextureId emission_texture;            // an image that multiplies the emission; none: it is the same everywhere
+  bool emission_is_mean = false;         // the emission is what it comes to where texels have their mean luminance
   bool divides_media = false;            // rays that cross it change their medium; without a material it does nothing else
   uint32_t medium_inside = kNoMedium, medium_outside = kNoMedium;  // from add_medium; outside: where the normal points
 };
@@ -59,6 +61,17 @@ struct MediumInput {
   std::string name;
   Medium medium;                   // without its transforms
   Affine3 world_from_medium;
+};
+
+// A goniometric light or a projection. Its radiance multiplies the texels; with is_power it is what they come to when
+// integrated over all directions.
+struct ImageLightInput {
+  std::string name;      // for messages
+  shading::Light light;  // without its place in the table of images
+  ImageId image;
+  Float3 axis[3];     // see shading::LightImage
+  float tangent = 0;  // projection: of half the field of view of the image's shorter axis
+  bool is_power = false;
 };
 
 // How the texels of a face texture are to be understood.
@@ -105,6 +118,10 @@ struct SubdivisionInput {
   float displacement_scale = 1;
 };
 
+// As RenderSettings::camera_medium: the scene does not say it. Packing looks for it (find_camera_medium.h), and says what
+// it found in the report's notes.
+inline constexpr uint32_t kMediumUnsaid = UINT32_MAX;
+
 class SceneSink {
  public:
   virtual ~SceneSink() = default;
@@ -134,8 +151,9 @@ class SceneSink {
   virtual Result<TextureId> add_texture(const TextureNode& node) = 0;
   virtual Result<MaterialId> add_material(const Material& material, std::string name) = 0;
   virtual Status add_light(const shading::Light& light) = 0;  // point, spot, distant, infinite
-  // An infinite light with has_image, and its image; one a scene.
+  // An infinite light with image 1, and that image; one a scene.
   virtual Status add_environment(const shading::Light& light, ImageId image) = 0;
+  virtual Status add_image_light(const ImageLightInput& light);
   // Sinks that have no use for media refuse them.
   virtual Result<uint32_t> add_volume(const VolumeInput& volume);
   virtual Result<uint32_t> add_medium(const MediumInput& medium);
@@ -165,6 +183,9 @@ inline Result<uint32_t> SceneSink::add_volume(const VolumeInput& volume) {
 }
 inline Result<uint32_t> SceneSink::add_medium(const MediumInput& medium) {
   return error("{}: media are not possible here", medium.name);
+}
+inline Status SceneSink::add_image_light(const ImageLightInput& light) {
+  return error("{}: lights with images are not possible here", light.name);
 }
 inline Status SceneSink::add_subdivision(const SubdivisionInput& subdivision) {
   return error("{}: subdivided cages are not possible here", subdivision.cage.name);

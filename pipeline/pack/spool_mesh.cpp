@@ -138,6 +138,8 @@ SpooledMesh mesh_without_faces(const MeshInput& input) {
   mesh.emits = input.emits && !is_black(input.emission);
   mesh.emits_two_sided = input.emits_two_sided;
   mesh.emission = input.emission;
+  mesh.emission_texture = input.emission_texture.value;
+  mesh.emission_is_mean = input.emission_is_mean;
   return mesh;
 }
 

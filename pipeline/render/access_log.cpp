@@ -4,12 +4,13 @@
 #include <array>
 
 #include "cache/section_file.h"
+#include "pipeline/render/ascending_list.h"
 
 namespace spillway::pipeline {
 namespace {
 
 constexpr const char* kKind = "SPWACCES";
-constexpr uint32_t kVersion = 1;
+constexpr uint32_t kVersion = 2;
 constexpr uint64_t kMostWaves = 1 << 24;
 
 using List = std::vector<uint32_t>;
@@ -19,50 +20,21 @@ constexpr std::array<List WaveAccess::*, 8> kLists = {
     &WaveAccess::read_pages,    &WaveAccess::read_attribute_blocks};
 constexpr std::array<bool, 8> kOfAttributes = {false, false, false, false, true, false, false, true};
 
-void put(std::vector<std::byte>& bytes, uint64_t value) {
-  for (; value >= 0x80; value >>= 7) bytes.push_back(static_cast<std::byte>(value | 0x80));
-  bytes.push_back(static_cast<std::byte>(value));
-}
-
 void put(std::vector<std::byte>& bytes, const List& list) {
-  put(bytes, list.size());
+  put_number(bytes, list.size());
   uint32_t before = 0;
   for (const uint32_t item : list) {
-    put(bytes, item - before);
+    put_number(bytes, item - before);
     before = item;
   }
 }
 
-// Reads what put() wrote; `ok` turns false at the first thing that cannot be.
-struct Reader {
-  const std::byte* at;
-  const std::byte* end;
-  bool ok = true;
-
-  uint64_t number() {
-    uint64_t value = 0;
-    for (int shift = 0; shift < 63; shift += 7) {
-      if (at == end) break;
-      const auto byte = static_cast<uint64_t>(*at++);
-      value |= (byte & 0x7f) << shift;
-      if (byte < 0x80) return value;
-    }
-    ok = false;
-    return 0;
-  }
-  void list(List& items, uint64_t limit) {
-    const uint64_t count = number();
-    if (count > limit || count > static_cast<uint64_t>(end - at)) ok = false;
-    uint64_t item = 0;
-    for (uint64_t i = 0; i < count && ok; ++i) {
-      const uint64_t step = number();
-      if (i > 0 && step == 0) ok = false;
-      item += step;
-      if (item >= limit) ok = false;
-      items.push_back(static_cast<uint32_t>(item));
-    }
-  }
-};
+void get(NumberReader& reader, List& items, uint64_t limit) {
+  const uint64_t count = reader.count(limit);
+  uint64_t item = 0;
+  for (uint64_t i = 0; i < count && reader.ok; ++i)
+    items.push_back(static_cast<uint32_t>(item = reader.next(item, i == 0, limit)));
+}
 
 }  // namespace
 
@@ -80,7 +52,8 @@ void AccessLog::end_wave(const WaveFacts& wave_facts) {
   claims_.emplace_back(MemoryTag::trace_log, bytes);
 }
 
-Status AccessLog::write(const std::filesystem::path& path) const {
+Status AccessLog::write(const std::filesystem::path& path) {
+  SPILLWAY_TRY(tiles.finish());
   std::vector<WaveFacts> rows;
   std::vector<std::byte> sets;
   for (const WaveAccess& w : waves) {
@@ -93,10 +66,11 @@ Status AccessLog::write(const std::filesystem::path& path) const {
   writer.add_view("attribute_bytes", std::as_bytes(std::span(attribute_bytes)));
   writer.add_view("waves", std::as_bytes(std::span(rows)));
   writer.add_view("sets", sets);
+  tiles.add_to(writer);
   return writer.write(path);
 }
 
-Result<AccessLog> AccessLog::read(const std::filesystem::path& path) {
+Result<AccessLog> AccessLog::read(const std::filesystem::path& path, const TileLog::Visit& visit) {
   SPILLWAY_ASSIGN(const auto file, cache::SectionReader::open(path, kKind, kVersion));
   SPILLWAY_ASSIGN(const Buffer<AccessFacts> log_facts, file.load<AccessFacts>("facts", MemoryTag::trace_log));
   SPILLWAY_ASSIGN(const Buffer<uint64_t> pages, file.load<uint64_t>("page_bytes", MemoryTag::trace_log));
@@ -109,17 +83,18 @@ Result<AccessLog> AccessLog::read(const std::filesystem::path& path) {
   log.facts = log_facts[0];
   log.page_bytes.assign(pages.begin(), pages.end());
   log.attribute_bytes.assign(blocks.begin(), blocks.end());
-  Reader reader{sets.begin(), sets.end()};
+  NumberReader reader{sets.begin(), sets.end()};
   for (const WaveFacts& row : rows) {
     WaveAccess& w = log.waves.emplace_back();
     w.facts = row;
     for (size_t i = 0; i < kLists.size(); ++i)
-      reader.list(w.*kLists[i], kOfAttributes[i] ? log.attribute_bytes.size() : log.page_bytes.size());
+      get(reader, w.*kLists[i], kOfAttributes[i] ? log.attribute_bytes.size() : log.page_bytes.size());
     if (!reader.ok)
       return error("{}: the lists of wave {} are damaged; make the log anew with --access-log", path.string(),
                    log.waves.size() - 1);
   }
   if (reader.at != reader.end) return error("{}: more follows the last wave; the file is damaged", path.string());
+  SPILLWAY_TRY(TileLog::visit(file, log.waves.size(), visit));
   return log;
 }
 

@@ -1,15 +1,18 @@
 #pragma once
 
-// Which pages and attribute blocks each wave of a render needed, read and swept: what `whatif` replays.
+// Which pages, attribute blocks and texture tiles each wave of a render needed, read and swept: what `whatif` replays,
+// and bench/access_log.py recounts.
 //
-// Owns: the waves' lists. Memory: tag trace_log, about a byte a page and wave. Threads: one at a time.
+// Owns: the waves' lists. Threads: one at a time.
+// Memory: tag trace_log: four bytes an item of a list (in the file about one); of tiles see tile_log.h.
 // Fails: write() as files do; read() refuses a file that is damaged or of another version, with its name.
 // Format: a section file of kind SPWACCES: facts (AccessFacts), page_bytes and attribute_bytes (uint64 a part), waves
 //         (WaveFacts) and sets (bytes): for each wave its lists in the order of WaveAccess, each as its length and the
-//         differences of its ascending items, in LEB128 (seven bits a byte, lowest first, the top bit: more follow).
+//         differences of its ascending items, in LEB128 (ascending_list.h). Of textures: tile_bytes (uint32 a tile,
+//         what it takes in its file) and chunks of sets, see tile_log.h.
 //
-// What rays need (`*_pages`, attribute_blocks) depends on the rays alone: the same lists for any budget and the same
-// waves. What was swept and read is this run's.
+// What rays need (`*_pages`, attribute_blocks, the tiles touched) depends on the rays alone: the same lists for any
+// budget and the same waves. What was swept and read is this run's.
 
 #include <cstdint>
 #include <filesystem>
@@ -18,6 +21,7 @@
 #include "cache/base/memory.h"
 #include "cache/base/result.h"
 #include "pipeline/render/plan.h"
+#include "pipeline/render/tile_log.h"
 
 namespace spillway::pipeline {
 
@@ -49,6 +53,7 @@ class AccessLog {
   AccessFacts facts;
   std::vector<uint64_t> page_bytes, attribute_bytes;
   std::vector<WaveAccess> waves;
+  TileLog tiles;  // open where the scene has textures
 
   // The wave that is under way: the last one.
   WaveAccess& wave() { return waves.back(); }
@@ -56,8 +61,9 @@ class AccessLog {
   // Lists become ascending and without duplicates; their memory is claimed.
   void end_wave(const WaveFacts& wave_facts);
 
-  Status write(const std::filesystem::path& path) const;
-  static Result<AccessLog> read(const std::filesystem::path& path);
+  Status write(const std::filesystem::path& path);
+  // Checks the tiles, tells `visit` of them, and does not keep them.
+  static Result<AccessLog> read(const std::filesystem::path& path, const TileLog::Visit& visit = {});
 
  private:
   std::vector<MemoryClaim> claims_;

@@ -21,6 +21,7 @@ class AttributeStore {
 
   // The block that holds the prim; prims are dense over blocks.
   [[nodiscard]] uint32_t block_of(uint32_t prim) const;
+  [[nodiscard]] uint64_t first_prim(uint32_t block) const { return locations_[block].first_prim; }
   // One past the last prim of the block.
   [[nodiscard]] uint64_t end_prim(uint32_t block) const {
     return uint64_t{locations_[block].first_prim} + locations_[block].prim_count;

@@ -3,6 +3,7 @@
 #include "cache/base/hash.h"
 #include "cache/texture_cache.h"
 #include "pipeline/render/render_image.h"
+#include "pipeline/render/select_lights.h"
 
 // What is known of a frame before it is rendered: its film, its identity, what the plan asks.
 
@@ -27,6 +28,7 @@ FilmIdentity film_identity(const Store& store, const SceneSettings& settings) {
   key = checksum(&render, sizeof render, key);
   const auto add = [&](const auto& rows) { key = checksum(rows.data(), rows.size_bytes(), key); };
   add(store.lights()), add(store.emitters()), add(store.emissions()), add(store.portals()), add(store.environment());
+  add(store.light_images()), add(store.light_texels());
   add(store.materials()), add(store.textures()), add(store.images()), add(store.face_textures());
   add(store.meshes()), add(store.instances());
   add(store.medium_tables().media), add(store.medium_tables().black_bodies);
@@ -54,6 +56,8 @@ SceneFacts scene_facts(const Store& store, const RenderOptions& options) {
     facts.largest_attribute_block_bytes = std::max<uint64_t>(facts.largest_attribute_block_bytes, block.size_bytes);
   }
   facts.texture_bytes = cache::TextureCache::bytes_for_all(store.images(), store.face_containers());
+  facts.looks_up_emission =
+      std::ranges::any_of(store.meshes(), [&](const Mesh& mesh) { return looks_up_emission(store, mesh); }) ? 1 : 0;
   facts.has_media = store.medium_tables().media.empty() ? 0 : 1;
   for (const cache::VolumeBrickLocation& brick : store.medium_tables().volumes.bricks) {
     facts.volume_bytes += brick.size_bytes;

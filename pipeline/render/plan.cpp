@@ -53,6 +53,9 @@ uint64_t swept_minimum(uint64_t total, uint64_t largest_part) { return std::min(
 constexpr uint64_t kMediaBytesPerPath = 2 * 28;
 // What tracing a path and its shadow ray took, when pixel costs are counted.
 constexpr uint64_t kCostBytesPerPath = 2 * 8;
+// Where on its light a shadow ray ends, of two waves, when that is looked up; and the blocks of that column's stream.
+constexpr uint64_t kLightPlaceBytesPerPath = 2 * 12;
+constexpr uint64_t kLightPlaceBufferBytes = 16 * kMiB;
 // Runs of segments in grids that are not in memory: some hundred thousand at a time share a sweep.
 constexpr uint64_t kRunBytes = 64 * kMiB;
 
@@ -74,7 +77,9 @@ uint64_t fixed_bytes(const SceneFacts& f, const PlanOptions& o) {
 }
 
 uint64_t wave_bytes(const SceneFacts& f, uint64_t paths, bool spills) {
-  const uint64_t media = paths * ((f.has_media ? kMediaBytesPerPath : 0) + (f.has_costs ? kCostBytesPerPath : 0));
+  const uint64_t media = paths * ((f.has_media ? kMediaBytesPerPath : 0) + (f.has_costs ? kCostBytesPerPath : 0) +
+                                  (f.looks_up_emission ? kLightPlaceBytesPerPath : 0)) +
+                         (f.looks_up_emission && spills ? kLightPlaceBufferBytes : 0);
   // A spilled wave gives back what sorting took before it traces, and all but the rays before it shades.
   if (spills) return media + paths * (kHotBytesPerPath + kSpilledPairBytesPerPath) + kSpillBufferBytes + kSmallestHitSortBytes;
   return media + paths * (kHotBytesPerPath + kSortBytesPerPath + kPairBytesPerPath + kNextHotBytesPerPath + 2 * kColdBytesPerPath +
@@ -138,7 +143,7 @@ Plan shape(const SceneFacts& f, const PlanOptions& o, uint64_t paths, bool spill
   plan.read_ahead_bytes = kReadAheadParts * f.largest_page_bytes;
   plan.pair_bytes = std::max<uint64_t>(paths * (spills ? kSpilledPairBytesPerPath : kPairBytesPerPath), 1 * kMiB);
   plan.page_top_bytes = f.trace_bytes / kTopShare;
-  plan.parked_rays = plan.pages_fit || spills || f.has_media ? 0 : paths / kWavePathsPerParked;
+  plan.parked_rays = plan.pages_fit || spills || f.has_media || f.looks_up_emission ? 0 : paths / kWavePathsPerParked;
   plan.ray_bytes = paths * (kHotBytesPerPath + kNextHotBytesPerPath);
   plan.cold_bytes = spills ? 0 : UINT64_MAX;
   plan.hit_bytes = spills ? kSmallestHitSortBytes : UINT64_MAX;

@@ -21,7 +21,7 @@ struct SceneFacts {
   uint64_t pixel_count = 0;
   uint32_t samples_per_pixel = 1;
   uint32_t max_depth = 5;
-  uint32_t has_media = 0, has_costs = 0;  // 0 or 1; no padding: logs hold it
+  uint16_t has_media = 0, looks_up_emission = 0, has_costs = 0, reserved = 0;  // 0 or 1; no padding: logs hold it
 };
 
 // Measured on two cores; they decide between plans, never what is computed.

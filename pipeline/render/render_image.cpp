@@ -21,7 +21,7 @@ using Clock = std::chrono::steady_clock;
 double seconds_since(Clock::time_point start) { return std::chrono::duration<double>(Clock::now() - start).count(); }
 
 using Paths = RayColumns<PathRecord>;
-using Shadows = RayColumns<ShadowRecord>;
+using Shadows = ShadowColumns;
 
 cache::StreamOptions stream_options(RenderState& state, const char* what, MemoryTag tag, cache::IoPurpose purpose,
                                     uint64_t limit) {
@@ -39,8 +39,10 @@ Wave make_wave(RenderState& state) {
   const auto options = [&](const char* what) {
     return stream_options(state, what, MemoryTag::paths, cache::IoPurpose::paths, state.plan.cold_bytes);
   };
-  return {{{}, cache::RecordStream<PathRecord>(options("paths"))},
-          {{}, cache::RecordStream<ShadowRecord>(options("shadow rays"))},};
+  Wave wave{{{}, cache::RecordStream<PathRecord>(options("paths"))},
+            {{{}, cache::RecordStream<ShadowRecord>(options("shadow rays"))}, {}}};
+  if (!state.inputs.settings.lights.places.empty()) wave.shadows.ends.emplace(options("ends of shadow rays"));
+  return wave;
 }
 
 // Empty columns with room for so many rays.
@@ -49,6 +51,11 @@ void empty(RayColumns<Record>& columns, size_t capacity) {
   columns.hot.renew(MemoryTag::rays, capacity);
   columns.hot.set_size(0);
   columns.cold.clear();
+}
+
+void empty_shadows(Shadows& shadows, size_t capacity) {
+  empty(shadows, capacity);
+  if (shadows.ends) shadows.ends->clear();
 }
 
 // A stage at work: its seconds in the report, its span in the timeline.
@@ -76,15 +83,17 @@ class RenderLoop {
                      settings_.render.camera_medium),
         schedule_({settings_.render.samples_per_pixel, state.plan.epoch_samples, state.plan.first_epoch_samples,
                    state.options.error > 0}),
-        parked_(state.options.park_rays ? state.plan.parked_rays : 0),
+        // A log speaks for any budget: its waves must not depend on what is in memory.
+        parked_(state.options.park_rays && state.options.access_log == nullptr ? state.plan.parked_rays : 0),
         hits_(stream_options(state, "hits", MemoryTag::hits, cache::IoPurpose::hits, state.plan.hit_bytes)) {}
 
   Status run() {
     start_ = Clock::now();
     Wave wave = make_wave(state_);
     empty(wave.paths, state_.plan.wave_paths);
-    empty(wave.shadows, 0);
+    empty_shadows(wave.shadows, 0);
     report_.has_media = !state_.media.tables.media.empty();
+    report_.camera_medium = settings_.render.camera_medium;
     while (true) {
       const cache::TraceSpan span("wave", "wave");
       WaveReport wave_report;
@@ -135,6 +144,7 @@ class RenderLoop {
     }
     SPILLWAY_TRY(wave.paths.cold.finish());
     SPILLWAY_TRY(wave.shadows.cold.finish());
+    if (wave.shadows.ends) SPILLWAY_TRY(wave.shadows.ends->finish());
     return {};
   }
 
@@ -159,8 +169,9 @@ class RenderLoop {
     if (parked_count_ > 0) SPILLWAY_TRY(parked_.park(wave.paths, path_hits_, wave.shadows, shadow_hits_));
     SPILLWAY_TRY(route_wave(wave, hits, report));
     report.spilled_bytes += wave.paths.cold.spilled_bytes() + wave.shadows.cold.spilled_bytes();
+    if (wave.shadows.ends) report.spilled_bytes += wave.shadows.ends->spilled_bytes();
     empty(wave.paths, std::max<size_t>(hits.size(), state_.plan.wave_paths));
-    empty(wave.shadows, std::max<size_t>(hits.size(), parked_.empty() ? 0 : state_.plan.wave_paths));
+    empty_shadows(wave.shadows, std::max<size_t>(hits.size(), parked_.empty() ? 0 : state_.plan.wave_paths));
     SPILLWAY_TRY(shade_wave(wave, hits, report));
     report.spilled_bytes += hits.spilled_bytes();
     report_.spilled_bytes += report.spilled_bytes;
@@ -178,6 +189,8 @@ class RenderLoop {
     SPILLWAY_TRY(shade_hits(state_.inputs, hits, *state_.attributes, *state_.film, wave.paths, wave.shadows,
                             shade_scratch_, report_.shade));
     if (state_.textures) report.textures = gained(state_.textures->counters(), textures_before);
+    AccessLog* const log = state_.options.access_log;
+    if (log != nullptr && state_.textures) SPILLWAY_TRY(log->tiles.append(state_.textures->wave_tiles()));
     report.partition_count = report_.shade.partition_count - before.partition_count;
     for (const int half : {0, 1}) live_[half] = report_.shade.rays_of_half[half] - before.rays_of_half[half];
     return {};
@@ -244,8 +257,10 @@ class RenderLoop {
     SPILLWAY_TRY(route_hits(
         state_.inputs.settings,
         {wave.paths.hot, path_hits_, &wave.paths.cold, track_scratch_.path_results, costs.first(path_costs)},
-        {wave.shadows.hot, shadow_hits_, &wave.shadows.cold, track_scratch_.shadow_results, costs.subspan(path_costs)},
-        hits, *state_.film, route_scratch_, report_.route, state_.options.hit_batch_rays, state_.costs.get()));
+         {wave.shadows.hot, shadow_hits_, &wave.shadows.cold, track_scratch_.shadow_results, costs.subspan(path_costs),
+          wave.shadows.ends ? &*wave.shadows.ends : nullptr},
+         hits, *state_.film, route_scratch_, report_.route, {state_.options.sort_hits, state_.options.hit_batch_rays},
+         state_.costs.get()));
     if (state_.plan.spills) order_ = {}, path_hits_ = {}, shadow_hits_ = {};
     return {};
   }

@@ -36,6 +36,7 @@ struct RenderOptions {
   // Performance: these must not.
   PlanOptions plan;                  // budget and shares
   bool sort_rays = true;             // off: rays are traced in the order they were made (ablation)
+  bool sort_hits = true;             // off: hits are shaded in the order in which they arrive (ablation)
   uint32_t hit_batch_rays = 0;       // hits of so many rays are sorted together; 0: of the wave (ablation)
   bool cost_layers = false;          // counts what each pixel costs, see pixel_costs.h
   bool read_ahead = true;            // off: a page is read when the sweep comes to it (ablation)

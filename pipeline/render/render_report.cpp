@@ -228,6 +228,7 @@ std::string report_json(const RenderReport& r, const std::string& scene) {
   add_costs(r, report);
   if (r.has_media) {
     report["stages"]["track_media"] = track_json(r);
+    report["camera_medium"] = r.camera_medium == kNoMedium ? json() : json(r.camera_medium);
     report["volumes"] = parts_json(r.volumes);
   }
   if (r.has_textures)

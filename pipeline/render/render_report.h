@@ -65,6 +65,7 @@ struct RenderReport {
   uint64_t sorted_count = 0;  // rays that sort_rays ordered
   TraceRaysReport trace;
   bool has_media = false;            // without, track_media did not run
+  uint32_t camera_medium = kNoMedium;  // where camera rays began
   TrackMediaReport track;
   RouteHitsReport route;
   ShadeHitsReport shade;

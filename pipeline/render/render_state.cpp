@@ -84,13 +84,21 @@ Status open_volumes(RenderState& state) {
   return state.volumes->parts().sweep(all, [](uint32_t, std::span<const std::byte>) -> Status { return {}; });
 }
 
+std::filesystem::path scratch_directory(const RenderState& state) {
+  const std::filesystem::path& asked = state.options.scratch_directory;
+  return asked.empty() ? std::filesystem::temp_directory_path() : asked;
+}
+
 // A scene without images has no texture cache.
 Status open_textures(RenderState& state) {
   const Store& store = state.store;
   if (!store.images().empty() || !store.face_textures().empty()) {
-    const cache::TextureCache::Options options{state.plan.texture_bytes, state.options.direct_io};
+    const cache::TextureCache::Options options{state.plan.texture_bytes, state.options.direct_io,
+                                               state.options.access_log != nullptr};
     SPILLWAY_ASSIGN(state.textures, cache::TextureCache::open(store.textures_path(), store.images(), options,
                                                               store.face_containers(), store.face_textures()));
+    if (AccessLog* const log = state.options.access_log)
+      SPILLWAY_TRY(log->tiles.open(scratch_directory(state), state.textures->file_bytes_of_tiles()));
   }
   state.texture_nodes = SelectedTextures(store, state.options.settings.render.texture_filter);
   state.evaluator = std::make_unique<TextureEvaluator>(state.texture_nodes.nodes(), state.textures.get());
@@ -99,10 +107,7 @@ Status open_textures(RenderState& state) {
 
 Status open_scratch(RenderState& state) {
   if (!state.plan.spills && state.options.hit_sort_bytes == 0) return {};
-  const std::filesystem::path directory = state.options.scratch_directory.empty()
-                                              ? std::filesystem::temp_directory_path()
-                                              : state.options.scratch_directory;
-  SPILLWAY_ASSIGN(state.scratch, cache::Scratch::create(directory, state.options.scratch_limit_bytes));
+  SPILLWAY_ASSIGN(state.scratch, cache::Scratch::create(scratch_directory(state), state.options.scratch_limit_bytes));
   return {};
 }
 
@@ -117,11 +122,14 @@ void connect(RenderState& state) {
   in.settings.media = store.medium_tables().media;
   in.settings.estimator = settings.render.estimator, in.settings.roulette = settings.render.roulette != 0;
   in.tables = {store.meshes(), store.materials(), state.evaluator.get()};
+  if (const shading::LightTable& lights = in.settings.lights; !lights.places.empty())
+    in.tables.emissions = lights.emissions, in.tables.emitters = lights.emitters;
   in.instances = store.page_tree().instances;
   in.motions = store.motions();
   state.resolver = std::make_unique<MaterialResolver>(in.tables, settings.render.seed);
   in.resolver = state.resolver.get();
   in.wants_aovs = state.options.aov_layers;
+  in.hits_are_sorted = state.options.sort_hits;
   in.stages_face_textures = state.options.read_ahead_textures && state.textures &&
                             state.textures->has_face_textures() && !state.plan.textures_fit;
 }

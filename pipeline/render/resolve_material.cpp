@@ -134,6 +134,7 @@ MaterialResolver::MaterialResolver(const MaterialTables& tables, uint32_t seed) 
 Status MaterialResolver::resolve(std::span<SurfaceQuery> block, Scratch& scratch) const {
   SPILLWAY_TRY(decide_alpha(block, scratch));
   SPILLWAY_TRY(decide_mixes(block, scratch));
+  if (!tables_.emissions.empty()) SPILLWAY_TRY(look_up_emission(block, scratch));
   return resolve_leaves(block, scratch);
 }
 
@@ -141,7 +142,8 @@ void MaterialResolver::append_face_requests(const SurfaceQuery& q,
                                             std::vector<cache::FaceTextureRequest>& requests) const {
   if (q.point->face == nullptr) return;
   const Mesh& mesh = tables_.meshes[q.mesh];
-  if (q.hit->hit.flags & cache::kHitAlphaUnknown)
+  const bool has_arrived = q.hit->is_shadow == kShadowArrived && mesh.alpha_texture != TextureId::kNone;
+  if ((q.hit->hit.flags & cache::kHitAlphaUnknown) || has_arrived)
     tables_.textures->append_face_requests({mesh.alpha_texture, q.point->uv, 0, q.point}, requests);
   if (q.hit->is_shadow) return;
   for (const uint32_t texture : face_textures_[mesh.material])
@@ -195,6 +197,42 @@ Status MaterialResolver::decide_mixes(std::span<SurfaceQuery> block, Scratch& sc
       q.material = m.mix_material[u < amount ? 1 : 0];
     }
   }
+}
+
+// The finest level, as alpha: both ways of meeting a light must find the same. A path is stopped by an opacity with
+// that chance, a light sample weighed by it.
+Status MaterialResolver::look_up_emission(std::span<SurfaceQuery> block, Scratch& scratch) const {
+  struct Textures {
+    uint32_t radiance = TextureId::kNone, opacity = TextureId::kNone;
+  };
+  const auto textures_of = [&](const SurfaceQuery& q) -> Textures {
+    const Mesh& mesh = tables_.meshes[q.mesh];
+    const bool has_arrived = q.hit->is_shadow == kShadowArrived;
+    if (mesh.light_base == LightId::kNone || !q.stopped || (q.hit->is_shadow && !has_arrived)) return {};
+    const uint32_t texture = tables_.emissions[tables_.emitters[mesh.light_base].emission].texture;
+    return {texture == shading::kNoEmissionTexture ? TextureId::kNone : texture,
+            has_arrived ? mesh.alpha_texture : TextureId::kNone};
+  };
+  scratch.queries.clear();
+  for (const SurfaceQuery& q : block) {
+    const Textures textures = textures_of(q);
+    for (const uint32_t texture : {textures.radiance, textures.opacity})
+      if (texture != TextureId::kNone) scratch.queries.push_back({texture, q.point->uv, 0, q.point});
+  }
+  if (scratch.queries.empty()) return {};
+  scratch.values.resize(scratch.queries.size());
+  SPILLWAY_TRY(tables_.textures->evaluate(scratch.queries, scratch.values, scratch.evaluator));
+  const cache::Texel* next = scratch.values.data();
+  for (SurfaceQuery& q : block) {
+    const Textures textures = textures_of(q);
+    if (textures.radiance != TextureId::kNone) {
+      const cache::Texel& texel = *next++;
+      q.values.emitted = {std::max(0.0f, texel.value[0]), std::max(0.0f, texel.value[1]),
+                          std::max(0.0f, texel.value[2])};
+    }
+    if (textures.opacity != TextureId::kNone) q.values.emitted = q.values.emitted * unit((next++)->value[0]);
+  }
+  return {};
 }
 
 Status MaterialResolver::resolve_leaves(std::span<SurfaceQuery> block, Scratch& scratch) const {

@@ -2,7 +2,7 @@
 
 // From a material of the scene and a place on a surface to numbers: textures looked up, mixes decided, bumps applied.
 // Lookups of a block of hits go to the texture cache together, in two rounds: what decides (alpha, mix amounts), then
-// what is left of the chosen materials.
+// what is left of the chosen materials. Where shadow rays arrived, what emits is looked up and nothing else.
 
 #include <cstdint>
 #include <span>
@@ -18,6 +18,9 @@ struct MaterialTables {
   std::span<const Mesh> meshes;
   std::span<const Material> materials;
   const TextureEvaluator* textures = nullptr;
+  // Of scenes that look emission up, else empty: shading::LightTable's.
+  std::span<const shading::Emission> emissions = {};
+  std::span<const shading::Emitter> emitters = {};
 };
 
 // One hit of a block on its way through the resolver.
@@ -50,6 +53,7 @@ class MaterialResolver {
  private:
   Status decide_alpha(std::span<SurfaceQuery> block, Scratch& scratch) const;
   Status decide_mixes(std::span<SurfaceQuery> block, Scratch& scratch) const;
+  Status look_up_emission(std::span<SurfaceQuery> block, Scratch& scratch) const;
   Status resolve_leaves(std::span<SurfaceQuery> block, Scratch& scratch) const;
 
   MaterialTables tables_;

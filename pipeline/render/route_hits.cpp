@@ -36,19 +36,12 @@ uint32_t morton16(uint32_t x, uint32_t y) {
 
 uint32_t unit_to_byte(float x) { return static_cast<uint32_t>(std::clamp(x, 0.0f, 1.0f) * 255.0f); }
 
-// The record of a shadow ray that a surface of unknown opacity stopped for now.
-HitRecord shadow_hit(const cache::TraceRay& ray, const cache::TraceHit& hit, const ShadowRecord& shadow) {
-  HitRecord record{hit, ray.direction_world, ray.t_max, {}, 1};
-  record.path.sink = shadow.sink, record.path.sample = shadow.sample, record.path.medium = shadow.medium;
-  record.path.bounce = shadow.bounce, record.path.throughput = shadow.contribution;
-  return record;
-}
-
 // Reads the cold records batch by batch, routes the blocks of a batch in parallel, appends their hits in block order.
-template <class Record, class RouteOne>
+// read_more: what else a batch needs, from a first record on.
+template <class Record, class ReadMore, class RouteOne>
 Status route_all(const cache::RecordStream<Record>& records, Buffer<Record>& cold, size_t count,
                  cache::ExternalSort<HitRecord>& sort, Film& film, RouteHitsScratch& scratch, RouteHitsReport& report,
-                 const RouteOne& route_one) {
+                 const ReadMore& read_more, const RouteOne& route_one) {
   std::array<RoutedBlock, kBatchRecords / kBlockRecords> blocks;
   // Whole blocks of the stream where they fit a batch: each is then read once.
   const size_t per_block = records.records_per_block();
@@ -56,6 +49,7 @@ Status route_all(const cache::RecordStream<Record>& records, Buffer<Record>& col
   for (size_t start = 0; start < count; start += step) {
     const size_t in_batch = std::min(step, count - start);
     SPILLWAY_TRY(records.read(start, {cold.data(), in_batch}));
+    SPILLWAY_TRY(read_more(start, in_batch));
     parallel_blocks(in_batch, kBlockRecords, [&](size_t b, size_t first, size_t last) {
       RoutedBlock out{first};
       for (size_t i = first; i < last; ++i) route_one(start + i, cold[i], out);
@@ -94,11 +88,12 @@ HitRecord medium_hit(const cache::TraceRay& ray, const PathRecord& path, float d
 
 Status route_hits(const PathSettings& settings, const TracedPaths& paths, const TracedShadows& shadows,
                   cache::ExternalSort<HitRecord>& hits, Film& film, RouteHitsScratch& scratch, RouteHitsReport& report,
-                  uint32_t batch_rays, PixelCosts* pixel_costs) {
+                  const HitOrder& order, PixelCosts* pixel_costs) {
   // Batches follow the order of rays; inside, the triangle comes first.
   const auto key_of = [&](const HitRecord& hit, size_t ray) {
-    if (batch_rays == 0) return hit_key(hit);
-    return cache::SortKey{uint64_t{ray / batch_rays} << 32 | hit.hit.prim, ray};
+    if (!order.is_sorted) return cache::SortKey{uint64_t{hit.hit.prim == kMediumPrim} << 32 | ray, 0};
+    if (order.batch_rays == 0) return hit_key(hit);
+    return cache::SortKey{uint64_t{ray / order.batch_rays} << 32 | hit.hit.prim, ray};
   };
   const bool has_outside_light = shading::has_infinite_light(settings.lights);
   const auto route_path = [&](size_t i, PathRecord path, RoutedBlock& out) {
@@ -131,6 +126,14 @@ Status route_hits(const PathSettings& settings, const TracedPaths& paths, const 
       out.emit(escaped_splat(settings, path, ray.direction_world), scratch);
     }
   };
+  size_t first_end = 0;  // of the batch
+  const auto read_nothing = [](size_t, size_t) -> Status { return {}; };
+  const auto read_ends = [&](size_t start, size_t in_batch) -> Status {
+    if (shadows.ends == nullptr) return {};
+    scratch.ends.renew(MemoryTag::paths, kBatchRecords);
+    first_end = start;
+    return shadows.ends->read(start, {scratch.ends.data(), in_batch});
+  };
   const auto route_shadow = [&](size_t i, ShadowRecord shadow, RoutedBlock& out) {
     const cache::TraceHit& hit = shadows.hits[i];
     if (hit.flags & cache::kHitWaits) {
@@ -139,11 +142,15 @@ Status route_hits(const PathSettings& settings, const TracedPaths& paths, const 
     }
     if (pixel_costs != nullptr) pixel_costs->add_ray(shadow.sink, shadows.costs[i]);
     if (!shadows.media.empty()) shadow.contribution *= shadows.media[i].weight;
+    const shading::LightPlace end = shadows.ends == nullptr ? shading::LightPlace{} : scratch.ends[i - first_end];
     if (hit.flags & cache::kHitOccluded) {
       ++out.occluded_count;
     } else if (hit.prim != PrimId::kNone) {
       ++out.alpha_shadow_count;
-      const HitRecord record = shadow_hit(shadows.rays[i], hit, shadow);
+      const HitRecord record = shadow_hit(shadows.rays[i], hit, shadow, end);
+      out.emit(record, key_of(record, paths.rays.size() + i), scratch);
+    } else if (end.prim != PrimId::kNone) {
+      const HitRecord record = arrived_hit(shadows.rays[i], shadow, end);
       out.emit(record, key_of(record, paths.rays.size() + i), scratch);
     } else {
       out.emit(SplatRecord{shadow.sink, shadow.sample, shadow_event(shadow.bounce), shadow.contribution}, scratch);
@@ -151,12 +158,13 @@ Status route_hits(const PathSettings& settings, const TracedPaths& paths, const 
   };
   const auto elsewhere = [&report] { return report.hit_count + report.absorbed_count + report.parked_count; };
   const uint64_t elsewhere_before = elsewhere();
-  SPILLWAY_TRY(route_all(*paths.records, scratch.paths, paths.rays.size(), hits, film, scratch, report, route_path));
+  SPILLWAY_TRY(route_all(*paths.records, scratch.paths, paths.rays.size(), hits, film, scratch, report, read_nothing,
+                         route_path));
   report.escaped_count += paths.rays.size() - (elsewhere() - elsewhere_before);
   const auto stopped = [&report] { return report.occluded_count + report.alpha_shadow_count + report.parked_count; };
   const uint64_t stopped_before = stopped();
-  SPILLWAY_TRY(
-      route_all(*shadows.records, scratch.shadows, shadows.rays.size(), hits, film, scratch, report, route_shadow));
+  SPILLWAY_TRY(route_all(*shadows.records, scratch.shadows, shadows.rays.size(), hits, film, scratch, report, read_ends,
+                         route_shadow));
   report.arrived_count += shadows.rays.size() - (stopped() - stopped_before);
   return {};
 }

@@ -3,8 +3,10 @@
 // Stage route_hits: sends what trace_rays found on its way.
 //
 // In: hot columns and results of a wave, in memory; cold columns, read front to back once.
-// Out: surfaces, and places in media, to be shaded -> the hit sort, keyed by (material, mesh, face, place on the face, path); light from
-//      outside the scene and shadow rays that arrived -> film.
+// Out: surfaces, and places in media, to be shaded -> the hit sort, keyed by (material, mesh, face, place on the face,
+// path); light from
+//      outside the scene and shadow rays that arrived -> film; those that arrived where emission is looked up -> the
+//      hit sort, at the place on their light.
 // Memory: one batch of records (RouteHitsScratch, tag paths). What does not fit of the hits is spilled by the sort.
 // Order: records are appended in the order of the rays; film adds are integers, so their order does not matter.
 // Based on: deferred shading sorted by shading context (Eisenacher et al. 2013, section 4).
@@ -36,6 +38,7 @@ struct TracedShadows {
   const cache::RecordStream<ShadowRecord>* records;
   std::span<const SegmentResult> media = {};
   std::span<const RayCost> costs = {};
+  const cache::RecordStream<shading::LightPlace>* ends = nullptr;  // where on their lights, when emission is looked up
 };
 
 struct RouteHitsReport {
@@ -53,6 +56,7 @@ struct RouteHitsScratch {
   Buffer<HitRecord> hits{MemoryTag::paths, kBatchRecords};
   Buffer<cache::SortKey> keys{MemoryTag::paths, kBatchRecords};
   Buffer<SplatRecord> splats{MemoryTag::paths, kBatchRecords};
+  Buffer<shading::LightPlace> ends;  // where emission is looked up
 };
 
 // Hits by (prim: material-major, place on the face), then by the ray, which makes keys unique.
@@ -61,10 +65,15 @@ struct RouteHitsScratch {
 // Where a path collides in its medium, at a distance in world units.
 [[nodiscard]] HitRecord medium_hit(const cache::TraceRay& ray, const PathRecord& path, float distance);
 
-// batch_rays: hits of so many rays are sorted together, one batch after the other; 0: all (see RenderOptions).
+// How hits are keyed; see RenderOptions. Unsorted ones keep the order of their rays, paths first, those in media last.
+struct HitOrder {
+  bool is_sorted = true;
+  uint32_t batch_rays = 0;  // hits of so many rays are sorted together, one batch after the other; 0: all
+};
+
 // pixel_costs: each ray's cost is added to its pixel; null: none is.
 Status route_hits(const PathSettings& settings, const TracedPaths& paths, const TracedShadows& shadows,
                   cache::ExternalSort<HitRecord>& hits, Film& film, RouteHitsScratch& scratch, RouteHitsReport& report,
-                  uint32_t batch_rays = 0, PixelCosts* pixel_costs = nullptr);
+                  const HitOrder& order = {}, PixelCosts* pixel_costs = nullptr);
 
 }  // namespace spillway::pipeline

@@ -46,14 +46,30 @@ class Counter {
   std::vector<float> counts_;
 };
 
-bool has_place(const shading::Light& light) {
-  return light.kind == shading::LightKind::point || light.kind == shading::LightKind::spot;
+// Of every emission, when one of them is looked up.
+Buffer<shading::EmissionPlace> emission_places(const Store& store) {
+  const auto is_looked_up = [&](const Mesh& mesh) { return looks_up_emission(store, mesh); };
+  if (std::ranges::none_of(store.meshes(), is_looked_up)) return {};
+  Buffer<shading::EmissionPlace> places(MemoryTag::lights, store.emissions().size());
+  for (const Mesh& mesh : store.meshes())
+    if (mesh.light_base != LightId::kNone)
+      places[store.emitters()[mesh.light_base].emission] = {
+          mesh.prim_base - mesh.light_base, mesh.flags & kMeshFlipNormals, is_looked_up(mesh) ? 1u : 0u};
+  return places;
 }
 
 }  // namespace
 
+bool looks_up_emission(const Store& store, const Mesh& mesh) {
+  if (mesh.light_base == LightId::kNone) return false;
+  return mesh.alpha_texture != TextureId::kNone ||
+         store.emissions()[store.emitters()[mesh.light_base].emission].texture != shading::kNoEmissionTexture;
+}
+
 SelectedLights::SelectedLights(const Store& store, const RenderSettings& settings) : table_(store.light_table()) {
   table_.emitters_by_area = settings.estimator == Estimator::light_by_area;
+  places_ = emission_places(store);
+  table_.places = places_;
   table_.tree.by_energy = settings.light_selection != LightSelection::tree;
   if (settings.light_selection == LightSelection::uniform) select_uniformly();
 }
@@ -63,7 +79,7 @@ void SelectedLights::select_uniformly() {
   if (!table_.tree.empty()) return count_in_nodes();
   const size_t emitters = table_.emitters.size();
   const auto is_placed = [&](size_t choice) {
-    return choice < emitters || has_place(table_.lights[choice - emitters]);
+    return choice < emitters || shading::has_place(table_.lights[choice - emitters]);
   };
   const size_t choices = table_.cdf.size() - 1;
   double share = 0, count = 0;

@@ -8,7 +8,11 @@
 
 namespace spillway::pipeline {
 
-// Owns what differs from the store's table: nothing, unless lights are chosen uniformly. Memory: tag lights.
+// Whether a mesh emits what must be looked up: by a texture of its emission, or where it is not opaque.
+[[nodiscard]] bool looks_up_emission(const Store& store, const Mesh& mesh);
+
+// Owns what the store's table does not have: nothing, unless lights are chosen uniformly or emission is looked up.
+// Memory: tag lights.
 class SelectedLights {
  public:
   SelectedLights() = default;
@@ -22,6 +26,7 @@ class SelectedLights {
   void count_in_nodes();
 
   shading::LightTable table_;
+  Buffer<shading::EmissionPlace> places_;
   Buffer<float> cdf_;
   Buffer<shading::LightNode> nodes_;
 };

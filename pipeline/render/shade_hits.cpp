@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <mutex>
+#include <numeric>
 #include <utility>
 #include <vector>
 
@@ -31,6 +32,13 @@ struct BlockScratch {
   MaterialResolver::Scratch resolver;
 };
 
+// A hit whose attributes have left memory before it is shaded.
+struct GatheredHit {
+  ShadingPoint point;
+  FacePoint face;
+  uint32_t mesh;
+};
+
 // What one block of hits turned into, in the batch scratch from `first` on.
 struct ShadedBlock {
   size_t first = 0;
@@ -51,11 +59,13 @@ struct ShadedBlock {
 class Shader {
  public:
   Shader(const ShadeInputs& inputs, AttributeStore& attributes, Film& film, ShadeHitsScratch& out)
-      : inputs_(inputs), attributes_(attributes), film_(film), out_(out) {}
+      : inputs_(inputs), attributes_(attributes), film_(film), out_(out) {
+    if (looks_up_emission()) out.shadow_ends.renew(MemoryTag::paths, kBatchHits);
+  }
 
   // bytes: the attribute block that holds all of these hits; empty: each hit's block is resident.
   Status shade_batch(std::span<const HitRecord> hits, std::span<const std::byte> bytes, RayColumns<PathRecord>& paths,
-                     RayColumns<ShadowRecord>& shadows, ShadeHitsReport& report) {
+                     ShadowColumns& shadows, ShadeHitsReport& report) {
     if (inputs_.stages_face_textures) SPILLWAY_TRY(stage_face_textures(hits, bytes));
     std::array<ShadedBlock, kBatchHits / kBlockHits> blocks;
     parallel_blocks(hits.size(), kBlockHits, [&](size_t b, size_t first, size_t last) {
@@ -66,6 +76,7 @@ class Shader {
     const std::span<const ShadedBlock> done = std::span(blocks).first(block_count(hits.size(), kBlockHits));
     SPILLWAY_TRY(append(out_.path_rays, out_.paths, done, &ShadedBlock::path_count, paths));
     SPILLWAY_TRY(append(out_.shadow_rays, out_.shadows, done, &ShadedBlock::shadow_count, shadows));
+    if (shadows.ends) SPILLWAY_TRY(append(out_.shadow_ends, done, &ShadedBlock::shadow_count, *shadows.ends));
     for (const ShadedBlock& block : done) {
       report.path_count += block.path_count, report.shadow_count += block.shadow_count;
       report.let_through_count += block.let_through_count;
@@ -75,36 +86,75 @@ class Shader {
     return {};
   }
 
+  // A batch in the order in which its hits arrived: the blocks that hold it are swept to gather it, unless all are in
+  // memory.
+  Status shade_arrived(std::span<const HitRecord> hits, RayColumns<PathRecord>& paths, ShadowColumns& shadows,
+                       ShadeHitsReport& report) {
+    const bool resident = attributes_.parts().all_resident();
+    if (resident && out_.touched_blocks == nullptr) return shade_batch(hits, {}, paths, shadows, report);
+    std::vector<uint32_t> by_prim(hits.size());
+    std::iota(by_prim.begin(), by_prim.end(), 0u);
+    const auto prim = [&](uint32_t hit) { return hits[hit].hit.prim; };
+    std::ranges::sort(by_prim, {}, prim);
+    std::vector<uint32_t> blocks;
+    for (const uint32_t hit : by_prim)
+      if (blocks.empty() || prim(hit) >= attributes_.end_prim(blocks.back()))
+        blocks.push_back(attributes_.block_of(prim(hit)));
+    if (out_.touched_blocks) out_.touched_blocks->insert(out_.touched_blocks->end(), blocks.begin(), blocks.end());
+    if (resident) return shade_batch(hits, {}, paths, shadows, report);
+    report.attribute_blocks_touched += blocks.size();
+    gathered_.renew(MemoryTag::paths, kBatchHits);
+    size_t first = 0;
+    SPILLWAY_TRY(attributes_.parts().sweep(blocks, [&](uint32_t block, std::span<const std::byte> bytes) -> Status {
+      const auto from = by_prim.begin() + static_cast<ptrdiff_t>(first);
+      const uint64_t end_prim = attributes_.end_prim(block);
+      const auto end = std::partition_point(from, by_prim.end(), [&](uint32_t hit) { return prim(hit) < end_prim; });
+      first = static_cast<size_t>(end - by_prim.begin());
+      gather_apart(hits, std::span(from, end), bytes);
+      return {};
+    }));
+    gathered_of_ = hits;
+    const Status shaded = shade_batch(hits, {}, paths, shadows, report);
+    gathered_of_ = {};
+    return shaded;
+  }
+
  private:
+  [[nodiscard]] bool looks_up_emission() const { return !inputs_.settings.lights.places.empty(); }
+
+  template <class Record>
+  static Status append(const Buffer<Record>& records, std::span<const ShadedBlock> blocks, uint32_t ShadedBlock::*count,
+                       cache::RecordStream<Record>& to) {
+    std::array<cache::RecordSpan, kBatchHits / kBlockHits> pieces;
+    for (size_t b = 0; b < blocks.size(); ++b) pieces[b] = {records.data() + blocks[b].first, blocks[b].*count};
+    return to.append(std::span<const cache::RecordSpan>(pieces).first(blocks.size()));
+  }
+
   // Blocks in order, each copied by whichever thread is free.
   template <class Record>
   static Status append(const Buffer<cache::TraceRay>& rays, const Buffer<Record>& records,
                        std::span<const ShadedBlock> blocks, uint32_t ShadedBlock::*count, RayColumns<Record>& to) {
-    std::array<cache::RecordSpan, kBatchHits / kBlockHits> pieces;
     std::array<size_t, kBatchHits / kBlockHits> places;
     size_t end = to.hot.size();
-    for (size_t b = 0; b < blocks.size(); ++b) {
-      places[b] = std::exchange(end, end + blocks[b].*count);
-      pieces[b] = {records.data() + blocks[b].first, blocks[b].*count};
-    }
+    for (size_t b = 0; b < blocks.size(); ++b) places[b] = std::exchange(end, end + blocks[b].*count);
     SPILLWAY_CHECK(end, <=, to.hot.capacity());
     to.hot.set_size(end);
     parallel_blocks(blocks.size(), 8, [&](size_t, size_t first, size_t last) {
       for (size_t b = first; b < last; ++b)
         std::copy_n(rays.data() + blocks[b].first, blocks[b].*count, to.hot.data() + places[b]);
     });
-    return to.cold.append(std::span<const cache::RecordSpan>(pieces).first(blocks.size()));
+    return append(records, blocks, count, to.cold);
   }
 
   // Where the triangles of sorted hits lie: neighbours share a segment.
   void find_triangles(std::span<const HitRecord> hits, std::span<const std::byte> bytes, BlockScratch& scratch) const {
-    uint64_t end_prim = 0;  // of the resident block in `bytes`, when there is none given
+    uint64_t first_prim = 0, end_prim = 0;  // of the resident block in `bytes`, when there is none given
     cache::TrianglePlace place;
     for (size_t i = 0; i < hits.size(); ++i) {
       const uint32_t prim = hits[i].hit.prim;
-      if (prim >= end_prim) {
+      if (prim >= end_prim || prim < first_prim) {
         const uint32_t block = attributes_.block_of(prim);
-        end_prim = attributes_.end_prim(block);
+        first_prim = attributes_.first_prim(block), end_prim = attributes_.end_prim(block);
         if (const auto resident = attributes_.resident(block); !resident.empty()) bytes = resident;
       }
       scratch.places[i] = place = cache::triangle_place(bytes, PrimId{prim}, place);
@@ -112,24 +162,50 @@ class Shader {
     }
   }
 
-  void gather(std::span<const HitRecord> hits, std::span<const std::byte> bytes, BlockScratch& scratch) {
-    find_triangles(hits, bytes, scratch);
-    for (size_t i = 0; i < hits.size(); ++i) {
-      if (i + kPrefetch < hits.size()) cache::prefetch_vertices(scratch.places[i + kPrefetch]);
-      const HitRecord& hit = hits[i];
-      const cache::TriangleAttributes triangle = cache::triangle_attributes(scratch.places[i]);
-      Pose moved;
-      const InstanceTransform transform = instance_transform(inputs_, hit, moved);
-      const uint32_t mesh = triangle.mesh.value;
-      const bool flip = inputs_.tables.meshes[mesh].flags & kMeshFlipNormals;
-      scratch.points[i] = shading_point(triangle, hit, transform, flip);
-      set_media(inputs_.tables.meshes[mesh], hit.path.medium, scratch.points[i]);
-      if (triangle.has_face) {
-        scratch.face_points[i] =
-            face_point(triangle, hit, transform, scratch.points[i].width_world, inputs_.settings.seed);
-        scratch.points[i].face = &scratch.face_points[i];
+  // Returns the mesh.
+  uint32_t gather_one(const HitRecord& hit, const cache::TrianglePlace& place, ShadingPoint& point,
+                      FacePoint& face) const {
+    const cache::TriangleAttributes triangle = cache::triangle_attributes(place);
+    Pose moved;
+    const InstanceTransform transform = instance_transform(inputs_, hit, moved);
+    const uint32_t mesh = triangle.mesh.value;
+    const bool flip = inputs_.tables.meshes[mesh].flags & kMeshFlipNormals;
+    point = shading_point(triangle, hit, transform, flip);
+    set_media(inputs_.tables.meshes[mesh], hit.path.medium, point);
+    if (triangle.has_face) {
+      face = face_point(triangle, hit, transform, point.width_world, inputs_.settings.seed);
+      point.face = &face;
+    }
+    return mesh;
+  }
+
+  // Some hits of a batch, ascending, that lie in one block.
+  void gather_apart(std::span<const HitRecord> hits, std::span<const uint32_t> which,
+                    std::span<const std::byte> bytes) {
+    parallel_blocks(which.size(), kBlockHits, [&](size_t, size_t first, size_t last) {
+      cache::TrianglePlace place;
+      for (const uint32_t hit : which.subspan(first, last - first)) {
+        place = cache::triangle_place(bytes, PrimId{hits[hit].hit.prim}, place);
+        GatheredHit& to = gathered_[hit];
+        to.mesh = gather_one(hits[hit], place, to.point, to.face);
       }
-      scratch.queries[i] = SurfaceQuery{&hit, &scratch.points[i], mesh, true, 0, {}};
+    });
+  }
+
+  void gather(std::span<const HitRecord> hits, std::span<const std::byte> bytes, BlockScratch& scratch) {
+    const bool is_done = !gathered_of_.empty();
+    if (!is_done) find_triangles(hits, bytes, scratch);
+    for (size_t i = 0; i < hits.size(); ++i) {
+      uint32_t mesh = 0;
+      if (is_done) {
+        const GatheredHit& from = gathered_[static_cast<size_t>(&hits[i] - gathered_of_.data())];
+        scratch.points[i] = from.point, scratch.face_points[i] = from.face, mesh = from.mesh;
+        if (from.point.face != nullptr) scratch.points[i].face = &scratch.face_points[i];
+      } else {
+        if (i + kPrefetch < hits.size()) cache::prefetch_vertices(scratch.places[i + kPrefetch]);
+        mesh = gather_one(hits[i], scratch.places[i], scratch.points[i], scratch.face_points[i]);
+      }
+      scratch.queries[i] = SurfaceQuery{&hits[i], &scratch.points[i], mesh, true, 0, {}};
     }
   }
 
@@ -155,6 +231,7 @@ class Shader {
       out_.shadow_rays[at] = ray_beyond(hit, *q.point);
       out_.shadows[at] = {hit.path.sink, hit.path.sample, medium_beyond(*q.point, hit.direction_world), hit.path.bounce,
                           hit.path.throughput};
+      if (looks_up_emission()) out_.shadow_ends[at] = shadow_end(hit);
       return;
     }
     const size_t at = out.next_path(hit.path.sample);
@@ -172,11 +249,13 @@ class Shader {
     if (vertex.has_shadow) {
       const size_t at = out.next_shadow(sample);
       out_.shadow_rays[at] = vertex.shadow_ray, out_.shadows[at] = vertex.shadow;
+      if (looks_up_emission()) out_.shadow_ends[at] = vertex.shadow_end;
     }
   }
 
   void shade_one(const SurfaceQuery& q, BlockScratch& scratch, ShadedBlock& out) {
     if (!q.stopped) return let_through(q, out);
+    if (q.hit->is_shadow == kShadowArrived) return scratch.splats.push_back(arrived_splat(*q.hit, q.values));
     if (q.hit->is_shadow) return;
     const ShadedVertex vertex = shade_vertex(inputs_.settings, *q.hit, *q.point, q.values);
     if (vertex.has_splat) scratch.splats.push_back(vertex.splat);
@@ -230,6 +309,8 @@ class Shader {
   Film& film_;
   ShadeHitsScratch& out_;
   tbb::enumerable_thread_specific<BlockScratch> scratches_;
+  Buffer<GatheredHit> gathered_;            // by hit of
+  std::span<const HitRecord> gathered_of_;  // this batch; none: hits are gathered as they are shaded
   std::mutex failure_mutex_;
   Status failure_;
 };
@@ -275,7 +356,7 @@ AovRecord first_hit_aovs(const SurfaceQuery& q) {
 }
 
 Status shade_hits(const ShadeInputs& inputs, cache::ExternalSort<HitRecord>& hits, AttributeStore& attributes,
-                  Film& film, RayColumns<PathRecord>& next_paths, RayColumns<ShadowRecord>& next_shadows,
+                  Film& film, RayColumns<PathRecord>& next_paths, ShadowColumns& next_shadows,
                   ShadeHitsScratch& scratch, ShadeHitsReport& report) {
   Shader shader(inputs, attributes, film, scratch);
   const auto shade_range = [&](std::span<const HitRecord> range, std::span<const std::byte> bytes) -> Status {
@@ -286,8 +367,9 @@ Status shade_hits(const ShadeInputs& inputs, cache::ExternalSort<HitRecord>& hit
   };
   // Hits of ascending triangles: their blocks follow each other in the file.
   const auto shade_run = [&](std::span<const HitRecord> all) -> Status {
-    const auto [run, in_media] = surfaces_and_media(all);
+    const auto [on_surfaces, in_media] = surfaces_and_media(all);
     SPILLWAY_TRY(shade_range(in_media, {}));
+    const std::span<const HitRecord> run = on_surfaces;  // a lambda holds no structured binding
     if (run.empty()) return {};
     const bool resident = attributes.parts().all_resident();
     const std::vector<uint32_t> blocks =
@@ -306,9 +388,20 @@ Status shade_hits(const ShadeInputs& inputs, cache::ExternalSort<HitRecord>& hit
       return shade_range(range, bytes);
     });
   };
+  const auto shade_unsorted = [&](std::span<const HitRecord> all) -> Status {
+    const auto [surfaces, in_media] = surfaces_and_media(all);
+    for (size_t first = 0; first < surfaces.size(); first += kBatchHits)
+      SPILLWAY_TRY(shader.shade_arrived(surfaces.subspan(first, std::min(kBatchHits, surfaces.size() - first)),
+                                        next_paths, next_shadows, report));
+    return shade_range(in_media, {});
+  };
   for (size_t p = 0; p < hits.partition_count(); ++p) {
     SPILLWAY_ASSIGN(const std::span<const HitRecord> partition, hits.partition(p));
     ++report.partition_count;
+    if (!inputs.hits_are_sorted) {
+      SPILLWAY_TRY(shade_unsorted(partition));
+      continue;
+    }
     for (size_t first = 0; first < partition.size();) {
       const auto rest = partition.subspan(first);
       const auto end = std::is_sorted_until(

@@ -4,12 +4,14 @@
 //
 // In: sorted hits, partition by partition; attribute blocks, read in file order, each once a wave.
 // Out: path and shadow rays of the next wave, hot and cold columns; splats and AOVs -> film.
-// Memory: one batch of outputs (ShadeHitsScratch, tag paths); the next wave's columns spill as planned.
+// Memory: one batch of outputs (ShadeHitsScratch, tag paths); the next wave's columns spill as planned. A batch of hits
+// that are not sorted, of attributes that do not fit, is gathered first: 3 MiB more.
 // Order: outputs are appended in the order of hits; a vertex depends on its own records alone.
 // Based on: deferred, sorted shading (Eisenacher et al. 2013, section 4).
 
 #include <array>
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 #include "cache/external_sort.h"
@@ -31,6 +33,11 @@ struct RayColumns {
   cache::RecordStream<Record> cold;
 };
 
+// Shadow rays; in scenes that look emission up, with where on their lights they end.
+struct ShadowColumns : RayColumns<ShadowRecord> {
+  std::optional<cache::RecordStream<shading::LightPlace>> ends;  // as many
+};
+
 struct ShadeInputs {
   PathSettings settings;
   MaterialTables tables;
@@ -39,6 +46,7 @@ struct ShadeInputs {
   const MaterialResolver* resolver = nullptr;
   bool wants_aovs = false;
   PixelCosts* costs = nullptr;        // lookups and scatterings are added; null: nobody asks
+  bool hits_are_sorted = true;        // else in the order in which they arrived, those in media last (ablation)
   bool stages_face_textures = false;  // reads their tiles ahead, a batch at a time: some are not in memory
 };
 
@@ -51,6 +59,7 @@ struct ShadeHitsScratch {
   Buffer<PathRecord> paths{MemoryTag::paths, kBatchHits};
   Buffer<cache::TraceRay> shadow_rays{MemoryTag::paths, kBatchHits};
   Buffer<ShadowRecord> shadows{MemoryTag::paths, kBatchHits};
+  Buffer<shading::LightPlace> shadow_ends;  // where emission is looked up
 };
 
 struct ShadeHitsReport {
@@ -67,7 +76,7 @@ struct ShadeHitsReport {
 
 // Shades every hit of the sort. The hot buffers of the outputs have room for all (capacity checked by the caller).
 Status shade_hits(const ShadeInputs& inputs, cache::ExternalSort<HitRecord>& hits, AttributeStore& attributes,
-                  Film& film, RayColumns<PathRecord>& next_paths, RayColumns<ShadowRecord>& next_shadows,
+                  Film& film, RayColumns<PathRecord>& next_paths, ShadowColumns& next_shadows,
                   ShadeHitsScratch& scratch, ShadeHitsReport& report);
 
 }  // namespace spillway::pipeline

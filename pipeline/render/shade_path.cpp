@@ -134,13 +134,14 @@ bool samples_lights(const PathSettings& settings) {
 }
 
 // The part of an emitter's light that BSDF sampling is credited with.
-bool emission_splat(const PathSettings& settings, const HitRecord& hit, const ShadingPoint& point, uint32_t emitter,
-                    SplatRecord& splat) {
+bool emission_splat(const PathSettings& settings, const HitRecord& hit, const ShadingPoint& point,
+                    const SurfaceValues& surface, SplatRecord& splat) {
+  const uint32_t emitter = surface.light;
   const shading::LightTable& lights = settings.lights;
   const uint32_t instance = hit.hit.instance;
   const shading::TriangleShape shape = shading::emitter_in_world(lights, instance, emitter);
   const shading::Emission& emission = lights.emissions[lights.emitters[emitter].emission];
-  const Rgb radiance = shading::emitter_radiance(shape, emission, hit.direction_world);
+  const Rgb radiance = shading::emitter_radiance(shape, emission, hit.direction_world) * surface.emitted;
   if (is_black(radiance)) return false;
   float weight = 1;
   if (hit.path.pdf_previous > 0) {
@@ -189,6 +190,7 @@ void next_event(const PathSettings& settings, const HitRecord& hit, const Shadin
   if (!(out.shadow_ray.t_max > 0)) return;
   out.shadow = {hit.path.sink, hit.path.sample, medium_beyond(point, light.w_next_world), hit.path.bounce,
                 contribution};
+  out.shadow_end = light.place;
   out.has_shadow = true;
 }
 
@@ -248,7 +250,7 @@ void next_direction(const PathSettings& settings, const HitRecord& hit, const Sh
 ShadedVertex shade_vertex(const PathSettings& settings, const HitRecord& hit, const ShadingPoint& point,
                           const SurfaceValues& surface) {
   ShadedVertex out;
-  if (surface.light != LightId::kNone) out.has_splat = emission_splat(settings, hit, point, surface.light, out.splat);
+  if (surface.light != LightId::kNone) out.has_splat = emission_splat(settings, hit, point, surface, out.splat);
   if (hit.path.bounce >= settings.max_depth) return out;
   const shading::Frame frame = shading::frame_from_z_and_tangent(surface.normal_shading, point.dpdu);
   const Float3 w_prev_local = frame.local_from_world(-hit.direction_world);
@@ -277,6 +279,7 @@ void next_event_in_medium(const PathSettings& settings, const HitRecord& hit, fl
   out.shadow_ray = shadow_ray(place, light, time);
   if (!(out.shadow_ray.t_max > 0)) return;
   out.shadow = {hit.path.sink, hit.path.sample, hit.path.medium, hit.path.bounce, contribution};
+  out.shadow_end = light.place;
   out.has_shadow = true;
 }
 
@@ -322,6 +325,26 @@ SplatRecord escaped_splat(const PathSettings& settings, const PathRecord& path, 
         settings, path.pdf_previous,
         shading::infinite_pdf_solid_angle(settings.lights, path.position_previous, direction_world));
   return {path.sink, path.sample, emission_event(path.bounce), path.throughput * radiance * weight};
+}
+
+HitRecord shadow_hit(const cache::TraceRay& ray, const cache::TraceHit& hit, const ShadowRecord& shadow,
+                     const shading::LightPlace& end) {
+  HitRecord record{hit, ray.direction_world, ray.t_max, {}, 1};
+  record.path.sink = shadow.sink, record.path.sample = shadow.sample, record.path.medium = shadow.medium;
+  record.path.bounce = static_cast<uint16_t>(shadow.bounce), record.path.throughput = shadow.contribution;
+  record.path.position_previous = std::bit_cast<Float3>(end);
+  return record;
+}
+
+// Textures see no more of it than the place on the face, so that the instance does not matter.
+HitRecord arrived_hit(const cache::TraceRay& ray, const ShadowRecord& shadow, const shading::LightPlace& end) {
+  HitRecord record = shadow_hit(ray, {ray.t_max, end.u, end.v, end.prim, 0, 0}, shadow, end);
+  record.is_shadow = kShadowArrived;
+  return record;
+}
+
+SplatRecord arrived_splat(const HitRecord& hit, const SurfaceValues& surface) {
+  return {hit.path.sink, hit.path.sample, shadow_event(hit.path.bounce), hit.path.throughput * surface.emitted};
 }
 
 bool stopped_by_alpha(const HitRecord& hit, uint32_t seed, float alpha) {

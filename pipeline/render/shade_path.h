@@ -3,6 +3,7 @@
 // One vertex of a path, from numbers to numbers: shared, word for word, by the streamed stages and by the depth-first
 // reference integrator, so that their images agree bit for bit.
 
+#include <bit>
 #include <cstdint>
 
 #include "cache/attribute_block.h"
@@ -78,6 +79,7 @@ struct SurfaceValues {
   shading::BsdfParams bsdf;
   Float3 normal_shading;                // bumped
   uint32_t light = LightId::kNone;      // emitter of the face, when it emits
+  Rgb emitted{1, 1, 1};                 // what its radiance is multiplied by: what was looked up
 };
 
 struct ShadedVertex {
@@ -89,6 +91,7 @@ struct ShadedVertex {
   PathRecord path;
   cache::TraceRay shadow_ray;
   ShadowRecord shadow;
+  shading::LightPlace shadow_end;  // where on its light, when emission is looked up there
 };
 
 // Emission met by chance, next-event estimation, and the next direction of the path.
@@ -103,6 +106,18 @@ struct ShadedVertex {
 
 // Light from outside the scene; has_splat false when there is none.
 [[nodiscard]] SplatRecord escaped_splat(const PathSettings& settings, const PathRecord& path, Float3 direction_world);
+
+// The record of a shadow ray that a surface of unknown opacity stopped for now; that of one that arrived at `end`, to
+// be looked up there; and what it brings then.
+[[nodiscard]] HitRecord shadow_hit(const cache::TraceRay& ray, const cache::TraceHit& hit, const ShadowRecord& shadow,
+                                   const shading::LightPlace& end);
+[[nodiscard]] HitRecord arrived_hit(const cache::TraceRay& ray, const ShadowRecord& shadow,
+                                    const shading::LightPlace& end);
+[[nodiscard]] SplatRecord arrived_splat(const HitRecord& hit, const SurfaceValues& surface);
+// What shadow_hit was given.
+[[nodiscard]] inline shading::LightPlace shadow_end(const HitRecord& hit) {
+  return std::bit_cast<shading::LightPlace>(hit.path.position_previous);
+}
 
 // Whether a surface of fractional opacity stops this ray: a hash of (path, bounce, instance, prim), never a dimension.
 [[nodiscard]] bool stopped_by_alpha(const HitRecord& hit, uint32_t seed, float alpha);

@@ -48,6 +48,7 @@ namespace {
 
 struct Work {
   uint64_t runs = 0, steps = 0, bounded = 0;
+  std::vector<uint32_t> bricks;  // that were in memory and used, where not all are
 };
 
 Rgb values_of(const shading::OrderlessProduct (&weight)[3]) {
@@ -103,53 +104,150 @@ struct Run {
 struct Waiting {
   MediumSegment segment;
   uint32_t ray;
-  uint32_t first_run = 0, run_count = 0;
-  float nearest = INFINITY;  // collision so far
+  bool shadow;
+  shading::Collisions head{};  // of the runs so far; of a path ray front to back
+  uint32_t head_runs = 0;
+  uint32_t run_count = 0;    // of the rest, while they are tracked
+  float nearest = INFINITY;  // collision in the rest
 };
 
-// Segments have at least one run: what join() makes of each is part of it.
-constexpr uint64_t kBytesPerRun = sizeof(Run) + sizeof(Waiting) + 2 * sizeof(shading::Collisions) + sizeof(GlowPlace) +
+// What a block of rays came to.
+struct BlockWork {
+  Work work;
+  uint64_t segments = 0;
+  std::vector<Waiting> waiting;
+  std::vector<Run> runs;  // whose bricks are to be read; their segments are counted from the block's first
+};
+
+// Tracks what can be tracked in bricks that are in memory: of a path ray front to back, up to the first that is not; of a
+// shadow ray everything, for its weights may be multiplied in any order. Lists the runs that are wanted next. True:
+// nothing is left to wait for, and `result` is what the segment comes to.
+bool track_head(const MediaInputs& inputs, Waiting& waiting, BlockWork& block, SegmentResult& result) {
+  const SegmentWalk walk(waiting.segment, inputs.tables.volumes);
+  const auto index = static_cast<uint32_t>(block.waiting.size());
+  shading::Collisions& head = waiting.head;
+  bool is_whole = true;
+  walk.for_each_run([&](const BrickRun& run) {
+    const cache::VolumeBrickView brick = inputs.volumes->resident(run.brick);
+    if (!brick) {
+      is_whole = false;
+      block.runs.push_back({run, index});
+      return waiting.shadow;
+    }
+    const bool whole = waiting.shadow ? walk.pass(run, brick, head.weight, head.steps) : walk.track(run, brick, head);
+    block.work.bounded += whole ? 0 : 1, ++block.work.runs, ++waiting.head_runs;
+    if (block.work.bricks.empty() || block.work.bricks.back() != run.brick) block.work.bricks.push_back(run.brick);
+    return !head.collided();
+  });
+  if (!is_whole) return false;
+  Rgb glow{0, 0, 0};
+  if (head.collided()) {
+    const GlowPlace place = glow_place(waiting.segment, head.distance, inputs.tables);
+    if (place.brick != cache::kNoBrick && !inputs.volumes->resident(place.brick)) return false;
+    glow = resident_glow(inputs, waiting.segment, head.distance);
+  }
+  block.work.steps += head.steps;
+  result = segment_result(waiting.segment, head, glow);
+  return true;
+}
+
+// A segment has one run of a round at least, or ends where its glow is looked up: what that takes is part of it.
+constexpr uint64_t kBytesPerRun = sizeof(Run) + sizeof(Waiting) + sizeof(shading::Collisions) + sizeof(GlowPlace) +
                                   sizeof(float) + sizeof(uint32_t) + 2 * sizeof(cache::KeyIndex<uint32_t>);
 
-// Collects the segments of one kind of rays and tracks them in rounds, each one sweep over the bricks they meet.
+// Collects segments of both kinds of rays and tracks them in rounds. The first sweep of a round is over the bricks that
+// path rays meet next, where most of them end, and over all that shadow rays meet; the second, over what is left to path
+// rays that went on.
 class Rounds {
  public:
-  Rounds(const MediaInputs& inputs, bool shadow, uint64_t limit_bytes, std::span<SegmentResult> results,
-         TrackMediaReport& report)
-      : inputs_(inputs), shadow_(shadow), most_runs_(limit_bytes / kBytesPerRun), results_(results), report_(report) {}
+  Rounds(const MediaInputs& inputs, uint64_t limit_bytes, TrackMediaScratch& scratch, TrackMediaReport& report)
+      : inputs_(inputs), most_runs_(limit_bytes / kBytesPerRun), scratch_(scratch), report_(report) {}
 
-  // Segments of a batch, in the order of its rays.
-  Status add(std::span<const Waiting> segments) {
-    if (!segments.empty())
-      runs_.reserve(most_runs_), waiting_.reserve(most_runs_);  // pages that are never touched cost nothing
-    for (Waiting waiting : segments) {
-      waiting.first_run = static_cast<uint32_t>(runs_.size());
-      SegmentWalk(waiting.segment, inputs_.tables.volumes).for_each_run([&](const BrickRun& run) {
-        runs_.push_back({run, static_cast<uint32_t>(waiting_.size())});
-        return true;
-      });
-      waiting.run_count = static_cast<uint32_t>(runs_.size()) - waiting.first_run;
-      if (waiting.run_count == 0) continue;  // nothing in its way
-      waiting_.push_back(waiting);
-      if (runs_.size() >= most_runs_) SPILLWAY_TRY(finish());
-    }
-    return {};
+  // What waits of a block, in the order of its rays.
+  Status add(const BlockWork& block) {
+    if (block.waiting.empty()) return {};
+    runs_.reserve(most_runs_), waiting_.reserve(most_runs_);  // pages that are never touched cost nothing
+    const auto base = static_cast<uint32_t>(waiting_.size());
+    waiting_.insert(waiting_.end(), block.waiting.begin(), block.waiting.end());
+    for (const Run& run : block.runs) runs_.push_back({run.run, run.segment + base});
+    return std::max(runs_.size(), waiting_.size()) >= most_runs_ ? finish() : Status{};
   }
 
   // Tracks what was collected.
   Status finish() {
     if (waiting_.empty()) return {};
-    ++report_.round_count, report_.run_count += runs_.size();
-    const MemoryClaim claim(MemoryTag::volumes, runs_.size() * kBytesPerRun);
-    collisions_.assign(runs_.size(), {});
-    sort_by_brick(runs_.size(), [&](size_t i) { return runs_[i].run.brick; });
-    SPILLWAY_TRY(sweep([&](const cache::VolumeBrickView& brick, uint32_t r) { track(brick, r); }));
-    SPILLWAY_TRY(join());
-    runs_.clear(), waiting_.clear();
+    const MemoryClaim claim(MemoryTag::volumes, std::max(runs_.size(), waiting_.size()) * kBytesPerRun);
+    SPILLWAY_TRY(sweep_runs([&](const cache::VolumeBrickView& brick, uint32_t r) { track_next(brick, runs_[r]); }));
+    SPILLWAY_TRY(track_rest());
+    SPILLWAY_TRY(end_segments());
+    waiting_.clear();
     return {};
   }
 
  private:
+  // One sweep over the bricks of the runs that are listed.
+  template <class Body>
+  Status sweep_runs(const Body& body) {
+    ++report_.round_count, report_.run_count += runs_.size();
+    sort_by_brick(runs_.size(), [&](size_t i) { return runs_[i].run.brick; });
+    SPILLWAY_TRY(sweep(body));
+    runs_.clear();
+    report_.bounded_count += bounded_.exchange(0);
+    return {};
+  }
+
+  // A path ray's next run, or any of a shadow ray's, whose weights may be multiplied in any order. A brick is convex: no
+  // other run of the segment is in it, and its fields are this task's alone.
+  void track_next(const cache::VolumeBrickView& brick, const Run& run) {
+    Waiting& waiting = waiting_[run.segment];
+    const SegmentWalk walk(waiting.segment, inputs_.tables.volumes);
+    shading::Collisions& head = waiting.head;
+    const bool whole =
+        waiting.shadow ? walk.pass(run.run, brick, head.weight, head.steps) : walk.track(run.run, brick, head);
+    if (!whole) ++bounded_;
+    if (!waiting.shadow) ++waiting.head_runs;
+  }
+
+  // What is left to path rays, some segments at a time.
+  Status track_rest() {
+    const size_t count = waiting_.size();
+    for (size_t start = 0; start < count; start += kBatchRecords) {
+      const size_t in_batch = std::min(kBatchRecords, count - start);
+      std::vector<std::vector<Run>> blocks(block_count(in_batch, kBlockRecords));
+      parallel_blocks(in_batch, kBlockRecords, [&](size_t b, size_t first, size_t last) {
+        for (size_t w = start + first; w < start + last; ++w) list_rest(static_cast<uint32_t>(w), blocks[b]);
+      });
+      for (size_t b = 0; b < blocks.size(); ++b) {
+        runs_.insert(runs_.end(), blocks[b].begin(), blocks[b].end());
+        if (runs_.size() >= most_runs_) SPILLWAY_TRY(sweep_rest(start + std::min(in_batch, (b + 1) * kBlockRecords)));
+      }
+    }
+    return sweep_rest(count);
+  }
+
+  void list_rest(uint32_t w, std::vector<Run>& runs) {
+    Waiting& waiting = waiting_[w];
+    if (waiting.shadow || waiting.head.collided()) return;
+    const size_t before = runs.size();
+    uint32_t passed = 0;
+    SegmentWalk(waiting.segment, inputs_.tables.volumes).for_each_run([&](const BrickRun& run) {
+      if (passed++ >= waiting.head_runs) runs.push_back({run, w});
+      return true;
+    });
+    waiting.run_count = static_cast<uint32_t>(runs.size() - before);
+  }
+
+  // The runs that are listed, of segments before `last`; they are then joined in ray order.
+  Status sweep_rest(size_t last) {
+    if (runs_.empty()) return {};
+    collisions_.assign(runs_.size(), {});
+    SPILLWAY_TRY(sweep_runs([&](const cache::VolumeBrickView& brick, uint32_t r) { track(brick, r); }));
+    for (size_t r = 0; joined_ < last; ++joined_)
+      for (Waiting& waiting = waiting_[joined_]; waiting.run_count > 0; --waiting.run_count)
+        waiting.head.append(collisions_[r++]);
+    return {};
+  }
+
   template <class BrickOf>
   void sort_by_brick(size_t count, const BrickOf& brick_of) {
     order_.resize(count), order_scratch_.resize(count);
@@ -177,37 +275,34 @@ class Rounds {
     });
   }
 
-  // A brick is convex: no other run of the segment is in it, and its fields are this task's alone.
+  // In the order of bricks: what lies behind a collision that was found is left out.
   void track(const cache::VolumeBrickView& brick, uint32_t r) {
     const Run& run = runs_[r];
     Waiting& waiting = waiting_[run.segment];
     if (run.run.begin > waiting.nearest) return;
     const SegmentWalk walk(waiting.segment, inputs_.tables.volumes);
-    shading::Collisions& out = collisions_[r];
-    const bool whole = shadow_ ? walk.pass(run.run, brick, out.weight, out.steps) : walk.track(run.run, brick, out);
-    if (!whole) ++bounded_;
-    waiting.nearest = std::min(waiting.nearest, out.distance);
+    if (!walk.track(run.run, brick, collisions_[r])) ++bounded_;
+    waiting.nearest = std::min(waiting.nearest, collisions_[r].distance);
   }
 
-  Status join() {
-    std::vector<shading::Collisions> joined(waiting_.size());
+  // What the segments come to, when all of their runs are joined.
+  Status end_segments() {
+    joined_ = 0;
     std::vector<GlowPlace> places(waiting_.size());
     parallel_blocks(waiting_.size(), kBlockRecords, [&](size_t, size_t first, size_t last) {
-      for (size_t w = first; w < last; ++w) {
-        const Waiting& waiting = waiting_[w];
-        for (uint32_t r = 0; r < waiting.run_count; ++r) joined[w].append(collisions_[waiting.first_run + r]);
-        if (joined[w].collided()) places[w] = glow_place(waiting.segment, joined[w].distance, inputs_.tables);
-      }
+      for (size_t w = first; w < last; ++w)
+        if (waiting_[w].head.collided())
+          places[w] = glow_place(waiting_[w].segment, waiting_[w].head.distance, inputs_.tables);
     });
     std::vector<float> values(waiting_.size(), 0);
     SPILLWAY_TRY(look_up(places, values));
     for (size_t w = 0; w < waiting_.size(); ++w) {
       const Waiting& waiting = waiting_[w];
       const Rgb glow = glow_of_value(*waiting.segment.medium, values[w], inputs_.tables);
-      results_[waiting.ray] = segment_result(waiting.segment, joined[w], glow);
-      report_.step_count += joined[w].steps;
+      auto& results = waiting.shadow ? scratch_.shadow_results : scratch_.path_results;
+      results[waiting.ray] = segment_result(waiting.segment, waiting.head, glow);
+      report_.step_count += waiting.head.steps;
     }
-    report_.bounded_count += bounded_.exchange(0);
     return {};
   }
 
@@ -224,12 +319,12 @@ class Rounds {
   }
 
   const MediaInputs& inputs_;
-  const bool shadow_;
   const uint64_t most_runs_;
-  const std::span<SegmentResult> results_;
+  TrackMediaScratch& scratch_;
   TrackMediaReport& report_;
   std::vector<Run> runs_;
   std::vector<Waiting> waiting_;
+  size_t joined_ = 0;  // of the segments: the rest of their runs is tracked
   std::vector<shading::Collisions> collisions_;
   std::vector<cache::KeyIndex<uint32_t>> order_, order_scratch_;
   std::atomic<uint64_t> bounded_ = 0;
@@ -237,20 +332,12 @@ class Rounds {
 
 // ---- the rays of a wave ----
 
-// What a block of rays came to.
-struct BlockWork {
-  Work work;
-  uint64_t segments = 0;
-  std::vector<Waiting> waiting;
-};
-
 template <class Record>
-Status track_kind(const MediaInputs& inputs, const MediaRays<Record>& rays, const TrackMediaOptions& options,
+Status track_kind(const MediaInputs& inputs, const MediaRays<Record>& rays, Rounds& rounds,
                   Buffer<SegmentResult>& results, TrackMediaReport& report) {
   results.renew(MemoryTag::rays, rays.rays.size());
   results.set_size(rays.rays.size());
   const bool resident = inputs.volumes == nullptr || inputs.volumes->parts().all_resident();
-  Rounds rounds(inputs, is_shadow(Record{}), options.run_limit_bytes, results, report);
   std::vector<Record> records(std::min(rays.rays.size(), kBatchRecords));
   const MemoryClaim claim(MemoryTag::paths, records.size() * sizeof(Record));
   for (size_t start = 0; start < rays.rays.size(); start += kBatchRecords) {
@@ -265,18 +352,20 @@ Status track_kind(const MediaInputs& inputs, const MediaRays<Record>& rays, cons
         ++blocks[b].segments;
         if (resident || segment.medium->kind == MediumKind::homogeneous)
           result = track_one(inputs, segment, is_shadow(Record{}), blocks[b].work);
-        else
-          blocks[b].waiting.push_back({segment, static_cast<uint32_t>(start + i)});
+        else if (Waiting waiting{segment, static_cast<uint32_t>(start + i), is_shadow(Record{})};
+                 !track_head(inputs, waiting, blocks[b], result))
+          blocks[b].waiting.push_back(waiting);
       }
     });
     for (const BlockWork& block : blocks) {
       report.segment_count += block.segments;
       report.run_count += block.work.runs, report.step_count += block.work.steps;
       report.bounded_count += block.work.bounded;
-      SPILLWAY_TRY(rounds.add(block.waiting));
+      for (const uint32_t brick : block.work.bricks) inputs.volumes->parts().note_use(brick);
     }
+    for (const BlockWork& block : blocks) SPILLWAY_TRY(rounds.add(block));
   }
-  return rounds.finish();
+  return {};
 }
 
 }  // namespace
@@ -294,9 +383,12 @@ TrackMediaReport& TrackMediaReport::operator+=(const TrackMediaReport& other) {
 Status track_media(const MediaInputs& inputs, const MediaRays<PathRecord>& paths,
                    const MediaRays<ShadowRecord>& shadows, const TrackMediaOptions& options, TrackMediaScratch& scratch,
                    TrackMediaReport& report) {
-  SPILLWAY_TRY(track_kind(inputs, paths, options, scratch.path_results, report));
+  Rounds rounds(inputs, options.run_limit_bytes, scratch, report);
+  SPILLWAY_TRY(track_kind(inputs, paths, rounds, scratch.path_results, report));
+  SPILLWAY_TRY(track_kind(inputs, shadows, rounds, scratch.shadow_results, report));
+  SPILLWAY_TRY(rounds.finish());
   for (const SegmentResult& result : scratch.path_results) report.collision_count += result.distance < INFINITY ? 1 : 0;
-  return track_kind(inputs, shadows, options, scratch.shadow_results, report);
+  return {};
 }
 
 SegmentResult track_segment(const MediaInputs& inputs, const MediumSegment& segment, bool shadow) {

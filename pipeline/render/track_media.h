@@ -6,7 +6,9 @@
 // Out:    a SegmentResult a ray; identity for rays outside of media.
 // Memory: tag rays: the results, 28 bytes a ray; tag volumes: bricks, within the store's limit; runs of segments in
 //         grids, within run_limit_bytes: more than fit are tracked in several rounds, each a sweep of its own.
-// Order:  runs are tracked brick by brick, in file order; random numbers are keyed, the nearest collision of a ray
+// Reads:  what bricks in memory tell comes first, and many path rays end there. The others wait for a sweep over the brick
+//         that each meets next, and for a second over all that is left to those that went on; shadow rays wait once.
+// Order:  runs that wait are tracked brick by brick, in file order; random numbers are keyed, the nearest collision of a ray
 //         wins, weights are multiplied in integers. Nothing of this shows.
 // Based on: DESIGN.md section 9; shading/medium.h.
 

@@ -3,6 +3,7 @@
 #include "cache/face_lookup.h"
 
 #include <gtest/gtest.h>
+#include <tbb/global_control.h>
 
 #include <cmath>
 #include <cstring>
@@ -87,6 +88,78 @@ TEST_F(FaceLookupTest, inside_a_face_and_across_its_edges_a_ramp_is_a_ramp_howev
     for (uint32_t c = 0; c < 3; ++c)
       ASSERT_NEAR(texel.value[c], ramp(p.x, p.y, c), 2e-6) << face << ' ' << u << ' ' << v;
   }
+}
+
+// Blocks of lookups, most of which take the short path, against one lookup at a time by the long one: bit for bit.
+TEST_F(FaceLookupTest, of_bytes_the_short_path_has_the_bits_of_the_long_one) {
+  const FaceGrid grid(6, 5, [](uint32_t f) { return f % 4; });
+  for (const uint32_t channels : {1u, 2u, 3u, 4u}) {
+    const FaceTexFormat format{FaceTexelType::uint8,  channels, channels == 4 ? 3 : -1,
+                               FaceTexEncoding::srgb, 1,        FaceTexCodec::lz4};
+    open(
+        grid, grid.faces([](uint32_t f) { return std::pair<uint8_t, uint8_t>(f % 8, (f + 2) % 8); }),
+        [](double x, double y, uint32_t c) { return 0.5 + 0.4 * std::sin(9 * x + 3 * c) * std::cos(7 * y); },
+        FaceBorder::clamp, format);
+    const auto source = FaceTexSource::open(directory_.path() / "a.facetex", {});
+    ASSERT_TRUE(source) << source.error().message;
+    const FaceTexFile& file = (*source)->file();
+    const FaceTexDecoder decoder(format);
+    TileCache tiles(64 << 20);
+    const auto added = tiles.add_face_tex(**source);
+    ASSERT_TRUE(added);
+    tiles.begin(1, false);
+    FaceTexture texture{
+        &file,  &file.textures()[0], file.faces(file.textures()[0]), file.numbers(file.textures()[0]), &decoder,
+        &*added};
+    texture.choose_tables();
+    ASSERT_TRUE(texture.is_bytes);
+    std::mt19937 random(channels);
+    std::uniform_real_distribution<float> unit(0, 1);
+    std::vector<FaceTextureRequest> requests(5000);
+    for (FaceTextureRequest& r : requests)
+      r = {0,
+           static_cast<uint32_t>(random() % 30),
+           unit(random),
+           unit(random),
+           0.1f * unit(random) * unit(random),
+           0.1f * unit(random),
+           unit(random),
+           random() % 4 == 0 ? FaceLevelChoice::trilinear : FaceLevelChoice::stochastic};
+    std::vector<Texel> values(requests.size());
+    TileThread thread(tiles);
+    thread.begin_block();
+    ASSERT_EQ(look_up_faces(thread, std::span(&texture, 1), requests, values), requests.size());
+    for (size_t i = 0; i < requests.size(); ++i) {
+      float sum[4] = {0, 0, 0, 0};
+      ASSERT_TRUE(look_up_face(thread, texture, requests[i], sum));
+      const Texel one = spread_channels(sum, channels);
+      ASSERT_EQ(std::memcmp(&one, &values[i], sizeof one), 0) << channels << ' ' << i;
+    }
+    EXPECT_EQ(thread.counters[0].lookups, requests.size());
+    requests.back().face = 30;
+    EXPECT_EQ(look_up_faces(thread, std::span(&texture, 1), requests, values), requests.size() - 1);
+  }
+}
+
+// What threads keep at hand is within the library's limit, whatever it is.
+TEST_F(FaceLookupTest, threads_keep_a_quarter_of_the_limit_at_most) {
+  const FaceGrid grid(1, 1);
+  open(grid, grid.faces([](uint32_t) { return all_of(6); }), ramp);
+  const auto source = FaceTexSource::open(directory_.path() / "a.facetex", {});
+  ASSERT_TRUE(source) << source.error().message;
+  for (const int threads : {1, 2, 8})
+    for (const uint64_t limit : {uint64_t{8} << 20, uint64_t{32} << 20, uint64_t{1} << 30}) {
+      const tbb::global_control control(tbb::global_control::max_allowed_parallelism, static_cast<size_t>(threads));
+      TileCache tiles(limit);
+      const auto added = tiles.add_face_tex(**source);
+      ASSERT_TRUE(added);
+      tiles.begin(1, false);
+      EXPECT_TRUE(tiles.held_tiles() * added->tile_bytes * static_cast<uint64_t>(threads) <= limit / 4 ||
+                  tiles.held_tiles() == TileThread::kLeastHeldTiles);
+      if (limit >= uint64_t{1} << 30) {
+        EXPECT_EQ(tiles.held_tiles(), TileThread::kHeldTiles);
+      }
+    }
 }
 
 TEST_F(FaceLookupTest, large_faces_are_a_ramp_across_their_tiles) {

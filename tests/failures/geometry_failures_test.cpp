@@ -132,8 +132,9 @@ TEST(Failures, coincident_lamps_are_lit_towards_one_by_one) {
   EXPECT_GT(hidden.render(1, 64).mean, 0.1 * bright);
 }
 
-// Two blocks of glass with a face each in one place: of both one is met, the first that the scene names, and the other is
-// passed over. Here a path enters twice and leaves once, so that its radiance is divided by the square of the index twice.
+// Two blocks of glass with a face each in one place: of both one is met, the first that the scene names, and the other
+// is passed over. Here a path enters twice and leaves once, so that its radiance is divided by the square of the index
+// twice.
 TEST(Failures, touching_blocks_of_glass_take_each_other_for_air) {
   const std::string glass = sky(1) + "Material \"dielectric\" \"float eta\" 1.5 ReverseOrientation\n";
   const FailureScene touching(view_down(3, 0.1, 60) + glass + room({-1, -1, -1}, {1, 1, 0}) +
@@ -217,7 +218,7 @@ TEST(Failures, a_furnace_of_extraordinary_vertices_and_creases) {
         bipyramid + "\"integer creaseindices\" [0 2 3 4] \"integer creaselengths\" [4] \"float "
                     "creasesharpness\" [10] "}) {
     const std::string shape = kGlowing + "Rotate 33 1 2 3 Shape \"subdivmesh\" " + cage + "\n";
-    const FailureScene scene(view_from({0.05, 0.1, 0.02}, {1, 2, 3}, {0, 0, 1}, 90, 60, 16) + shape);
+    const FailureScene scene(view_from({0.05, 0.1, 0.02}, {1, 2, 3}, {0, 0, 1}, 90, 60, 16) + shape, {}, 256);
     scene.expect_same_bits();
     // Shading normals are the surface's, not the triangles': light between the two sorts of horizon is lost, the less
     // the finer the dicing.

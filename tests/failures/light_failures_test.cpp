@@ -130,6 +130,8 @@ TEST(Failures, a_corridor_of_mirrors) {
   expect_unbiased(scene, 7 * std::pow(reflectance(std::sqrt(0.5), kMetalIndex), 40), {.largest_error = 0.02});
 }
 
+constexpr uint32_t kTrianglesPerPage = 256;  // eight pages and more; thousands of bounces read what is not in memory
+
 // Hard: what a thousand panes let through is met by those paths alone that survive a walk of a thousand steps.
 // A pane returns s = 2 r / (1 + r); n of them n s / (1 + (n - 1) s), r at normal incidence.
 TEST(Failures, a_thousand_panes_of_glass) {
@@ -137,8 +139,9 @@ TEST(Failures, a_thousand_panes_of_glass) {
   std::string panes = "Material \"thindielectric\" \"float eta\" 1.05\n";
   for (int i = 0; i < kCount; ++i) panes += sheet({-1, -1, -0.01 * i}, {2, 0, 0}, {0, 2, 0});
   const double r = reflectance(1, 1.05), s = 2 * r / (1 + r), returned = kCount * s / (1 + (kCount - 1) * s);
-  const FailureScene behind(view_down(0.5, 0.05, 30000, 4) + panes +
-                            emitter(1, sheet({-1, -1, -20}, {2, 0, 0}, {0, 2, 0})));
+  const FailureScene behind(
+      view_down(0.5, 0.05, 30000, 4) + panes + emitter(1, sheet({-1, -1, -20}, {2, 0, 0}, {0, 2, 0})), {},
+      kTrianglesPerPage);
   behind.expect_same_bits();
   expect_unbiased(behind, 1 - returned, {.seeds = 8, .samples = 16, .largest_error = 0.05});
 }
@@ -151,8 +154,9 @@ TEST(Failures, a_thousand_faces_of_glass) {
     slabs +=
         sheet({-1, -1, -0.01 * i}, {2, 0, 0}, {0, 2, 0}) + sheet({-1, -1, -0.01 * i - 0.005}, {0, 2, 0}, {2, 0, 0});
   const double r = reflectance(1, 1.1), returned = kFaces * r / (1 + (kFaces - 1) * r);
-  const FailureScene scene(view_down(0.5, 0.05, 30000, 4) + slabs +
-                           emitter(1, sheet({-1, -1, -20}, {2, 0, 0}, {0, 2, 0})));
+  const FailureScene scene(
+      view_down(0.5, 0.05, 30000, 4) + slabs + emitter(1, sheet({-1, -1, -20}, {2, 0, 0}, {0, 2, 0})), {},
+      kTrianglesPerPage);
   scene.expect_same_bits();
   expect_unbiased(scene, 1 - returned, {.seeds = 8, .samples = 16, .largest_error = 0.05});
 }

@@ -6,58 +6,34 @@
 // Nothing outside that folder is opened: each '/' of a scene's text is made '_', so that no name leads out of it.
 // Returns what is wrong: a broken promise to the sink or the caller, or nothing. Crashes are for the caller to see.
 
-#include <unistd.h>
-
 #include <cctype>
 #include <cmath>
-#include <cstdlib>
 #include <filesystem>
-#include <fstream>
 #include <span>
 #include <string>
 #include <string_view>
-#include <system_error>
 #include <utility>
 
+#include "tests/support/fuzz_folder.h"
 #include "tests/tools/recording_sink.h"
 #include "tools/import/import_pbrt.h"
 #include "tools/import/ply.h"
 
 namespace spillway::tools {
 
-class FuzzFolder {
- public:
-  FuzzFolder() {
-    std::string name = (std::filesystem::temp_directory_path() / "spillway_fuzz_XXXXXX").string();
-    if (::mkdtemp(name.data()) == nullptr) std::abort();
-    path_ = name;
-    write("part.pbrt", "Shape \"disk\" \"float phimax\" 1\n");
-    write("again.pbrt", "Include \"again.pbrt\"\n");
-    write("twice.pbrt", "Include \"part.pbrt\" Include \"part.pbrt\"\n");
-    write("lamp.spd", "# nm, W\n400 1\n700 2\n");
-    write("mesh.ply",
-          "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
-          "element face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n");
-  }
-  FuzzFolder(const FuzzFolder&) = delete;
-  FuzzFolder& operator=(const FuzzFolder&) = delete;
-  ~FuzzFolder() {
-    std::error_code code;
-    std::filesystem::remove_all(path_, code);
-  }
-
-  [[nodiscard]] const std::filesystem::path& path() const { return path_; }
-  std::filesystem::path write(const char* name, std::string_view bytes) const {
-    std::ofstream(path_ / name, std::ios::binary).write(bytes.data(), static_cast<std::streamsize>(bytes.size()));
-    return path_ / name;
-  }
-
- private:
-  std::filesystem::path path_;
-};
-
-inline const FuzzFolder& fuzz_folder() {
-  static const FuzzFolder folder;
+// With the files that scenes may name.
+inline const test::FuzzFiles& scene_folder() {
+  static const test::FuzzFiles& folder = []() -> const test::FuzzFiles& {
+    const test::FuzzFiles& files = test::fuzz_folder();
+    files.write("part.pbrt", "Shape \"disk\" \"float phimax\" 1\n");
+    files.write("again.pbrt", "Include \"again.pbrt\"\n");
+    files.write("twice.pbrt", "Include \"part.pbrt\" Include \"part.pbrt\"\n");
+    files.write("lamp.spd", "# nm, W\n400 1\n700 2\n");
+    files.write("mesh.ply",
+                "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
+                "element face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n");
+    return files;
+  }();
   return folder;
 }
 
@@ -74,16 +50,16 @@ class FuzzSink : public RecordingSink {
     return RecordingSink::add_texture(node);
   }
   Result<MaterialId> add_material(const pipeline::Material& m, std::string name) override {
-    for (const pipeline::Param* p : {&m.reflectance, &m.transmittance, &m.u_roughness, &m.v_roughness,
-                                     &m.base_u_roughness, &m.base_v_roughness, &m.conductor_eta, &m.conductor_k,
-                                     &m.mix_amount})
+    for (const pipeline::Param* p :
+         {&m.reflectance, &m.transmittance, &m.u_roughness, &m.v_roughness, &m.base_u_roughness, &m.base_v_roughness,
+          &m.conductor_eta, &m.conductor_k, &m.mix_amount})
       if (!is_finite(p->constant)) contract = "a material is not finite";
     expect_finite("a material", {&m.eta, 1});
     return RecordingSink::add_material(m, std::move(name));
   }
   Status add_light(const shading::Light& light) override {
-    const bool finite = is_finite(light.radiance) && is_finite(light.position) && is_finite(light.edge1) &&
-                        is_finite(light.edge2);
+    const bool finite =
+        is_finite(light.radiance) && is_finite(light.position) && is_finite(light.edge1) && is_finite(light.edge2);
     if (!finite) contract = "a light is not finite";
     if (light.kind == shading::LightKind::spot || light.kind == shading::LightKind::distant) {
       if (std::fabs(length(light.edge1) - 1) > 1e-3f) contract = "the axis of a light is no unit vector";
@@ -103,7 +79,8 @@ class FuzzSink : public RecordingSink {
   }
   Status add_mesh(const pipeline::MeshInput& mesh) override {
     if (mesh.indices.size() % 3 != 0) contract = "indices are not three a triangle";
-    if (!mesh.normals.empty() && mesh.normals.size() != mesh.positions.size()) contract = "normals are not one a vertex";
+    if (!mesh.normals.empty() && mesh.normals.size() != mesh.positions.size())
+      contract = "normals are not one a vertex";
     if (!mesh.uvs.empty() && mesh.uvs.size() != mesh.positions.size()) contract = "uvs are not one a vertex";
     SPILLWAY_TRY(RecordingSink::add_mesh(mesh));
     if (triangle_count > kMostTriangles) return error("the disk is full");
@@ -133,7 +110,7 @@ inline bool names_its_place(std::string_view message, std::string_view folder) {
 inline std::string fault_of_pbrt(std::string_view bytes) {
   std::string text(bytes);
   for (char& c : text) c = c == '/' ? '_' : c;
-  const std::filesystem::path scene = fuzz_folder().write("scene.pbrt", text);
+  const std::filesystem::path scene = scene_folder().write("scene.pbrt", text);
   FuzzSink sink;
   ImportReport report;
   ImportOptions options;
@@ -141,7 +118,7 @@ inline std::string fault_of_pbrt(std::string_view bytes) {
   options.most_diced_bytes = 4 << 20;
   const Status status = import_pbrt(scene, sink, options, report);
   if (!sink.contract.empty()) return sink.contract;
-  if (!status && !names_its_place(status.error().message, fuzz_folder().path().string()))
+  if (!status && !names_its_place(status.error().message, scene_folder().path().string()))
     return "an error without a place: " + status.error().message;
   if (status && sink.settings_count != 1) return "a scene without settings";
   if (sink.finish_count != 0) return "finish() is the caller's";
@@ -151,7 +128,7 @@ inline std::string fault_of_pbrt(std::string_view bytes) {
 // Bytes that begin as gzip does are a .ply.gz.
 inline std::string fault_of_ply(std::string_view bytes) {
   const bool is_packed = bytes.starts_with("\x1f\x8b");
-  const Result<PlyMesh> mesh = read_ply(fuzz_folder().write(is_packed ? "some.ply.gz" : "some.ply", bytes));
+  const Result<PlyMesh> mesh = read_ply(test::fuzz_folder().write(is_packed ? "some.ply.gz" : "some.ply", bytes));
   if (!mesh) return mesh.error().message.find("some.ply") == std::string::npos ? mesh.error().message : "";
   if (mesh->indices.size() % 3 != 0) return "indices are not three a triangle";
   for (const uint32_t index : mesh->indices)

@@ -19,13 +19,18 @@ class AccessLogTest : public testing::Test {
     ASSERT_TRUE(store) << store.error().message;
     store_ = std::make_unique<Store>(std::move(*store));
   }
-  RenderReport render(const PlanOptions& plan, AccessLog* log) {
+  RenderOptions options(const PlanOptions& plan, AccessLog* log) {
     RenderOptions o;
     o.settings = store_->settings();
     o.settings.render.samples_per_pixel = 16;
     o.plan = plan;
     o.park_rays = false;  // which a replay does not know
     o.access_log = log;
+    o.scratch_directory = directory_.path();
+    return o;
+  }
+  RenderReport render(const PlanOptions& plan, AccessLog* log) { return render(options(plan, log)); }
+  RenderReport render(const RenderOptions& o) {
     const auto image = render_image(*store_, o);
     EXPECT_TRUE(image) << (image ? "" : image.error().message);
     return image->report;
@@ -61,6 +66,40 @@ TEST_F(AccessLogTest, what_is_written_comes_back) {
     read += b.read_pages.size();
   }
   EXPECT_GT(read, store_->pages().size());
+}
+
+// Of images and of face textures, when they fit, when they do not, and read ahead or not: the counters are the log's.
+TEST_F(AccessLogTest, tiles_are_those_that_the_counters_count) {
+  std::vector<std::vector<uint64_t>> touched_by_first;
+  for (const auto& [texture_bytes, read_ahead] : {std::pair{0u, true}, {1u << 16, true}, {1u << 16, false}}) {
+    AccessLog log;
+    RenderOptions o = options({.wave_paths = 1000, .texture_bytes = texture_bytes}, &log);
+    o.read_ahead_textures = read_ahead;
+    const RenderReport report = render(o);
+    ASSERT_TRUE(log.write(path_));
+    const auto file = cache::SectionReader::read(path_, "SPWACCES", 2, MemoryTag::scene);
+    ASSERT_TRUE(file) << file.error().message;
+    const auto tile_bytes = file->array<uint32_t>("tile_bytes");
+    ASSERT_TRUE(tile_bytes);
+    std::vector<std::vector<uint64_t>> touched;
+    uint64_t read_bytes = 0;
+    const auto back = AccessLog::read(path_, [&](size_t wave, const WaveTiles& tiles) {
+      uint64_t unique = 0, read = 0;
+      for (const uint64_t tile : tiles.touched) unique += (*tile_bytes)[tile];
+      for (const auto& [tile, times] : tiles.read) read += (*tile_bytes)[tile] * times;
+      EXPECT_EQ(unique, report.waves[wave].textures.wave_unique_bytes) << wave;
+      EXPECT_EQ(read, report.waves[wave].textures.bytes_read) << wave;
+      touched.push_back(tiles.touched), read_bytes += read;
+    });
+    ASSERT_TRUE(back) << back.error().message;
+    EXPECT_EQ(touched.size(), report.waves.size());
+    EXPECT_EQ(read_bytes, report.textures.bytes_read);
+    if (touched_by_first.empty()) touched_by_first = touched;
+    EXPECT_TRUE(touched == touched_by_first) << texture_bytes;  // the rays' affair alone
+    if (texture_bytes > 0) {
+      EXPECT_GT(report.textures.bytes_read, report.textures.unique_bytes);
+    }
+  }
 }
 
 TEST_F(AccessLogTest, damaged_logs_are_refused_by_name) {

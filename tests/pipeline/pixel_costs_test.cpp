@@ -8,7 +8,9 @@
 #include <numeric>
 
 #include "cache/base/parallel.h"
+#include "pipeline/evaluate_texture.h"
 #include "pipeline/render/render_image.h"
+#include "pipeline/render/shade_path.h"
 #include "tests/support/small_scene.h"
 
 namespace spillway::test {
@@ -131,6 +133,38 @@ TEST_P(PixelCostsTest, of_a_crop_are_those_of_its_pixels) {
       for (uint32_t x = 11; x < 33; ++x)
         ASSERT_EQ(crop.costs->at(x, y, static_cast<Cost>(c)), whole.costs->at(x, y, static_cast<Cost>(c)))
             << name(static_cast<Cost>(c)) << ' ' << x << ' ' << y;
+}
+
+// The scenes' materials look at an image each; a graph may look at several.
+TEST(LookupTally, counts_every_image_of_a_graph_for_the_point_that_asks) {
+  const TemporaryDirectory directory;
+  const auto store = pack_small_scene(directory.path(), "scene", {});
+  ASSERT_TRUE(store) << store.error().message;
+  const auto images =
+      cache::TextureCache::open(store->textures_path(), store->images(), {.memory_limit_bytes = 1 << 24});
+  ASSERT_TRUE(images) << images.error().message;
+  std::vector<TextureNode> nodes(store->textures().begin(), store->textures().end());
+  const auto image =
+      static_cast<uint32_t>(std::ranges::find(nodes, TextureKind::image, &TextureNode::kind) - nodes.begin());
+  ASSERT_LT(image, nodes.size());
+  TextureNode square, grey;
+  square.kind = TextureKind::scale, square.child[0] = square.child[1] = image;
+  nodes.push_back(square), nodes.push_back(grey);
+  const auto graph = static_cast<uint32_t>(nodes.size() - 2), constant = graph + 1;
+
+  const std::vector<ShadingPoint> points(3);
+  std::vector<uint32_t> counts(points.size());
+  const TextureQuery queries[] = {{graph, {0.3f, 0.2f}, 0, &points[2]},
+                                  {image, {0.3f, 0.2f}, 0, &points[0]},
+                                  {constant, {0.3f, 0.2f}, 0, &points[1]},
+                                  {graph, {0.7f, 0.1f}, 0, &points[2]}};
+  cache::Texel values[4];
+  TextureEvaluator::Scratch scratch;
+  scratch.tally = {points.data(), counts};
+  const TextureEvaluator evaluator(nodes, images->get());
+  ASSERT_TRUE(evaluator.evaluate(queries, values, scratch));
+  EXPECT_EQ(counts, (std::vector<uint32_t>{1, 0, 4}));
+  EXPECT_EQ(values[0].value[0], values[1].value[0] * values[1].value[0]);
 }
 
 INSTANTIATE_TEST_SUITE_P(Scenes, PixelCostsTest, testing::Values(false, true),

@@ -189,6 +189,29 @@ TEST_F(SameBits, when_rays_are_not_sorted) {
   EXPECT_EQ(render(o, 2).report.image_hash, hash_);
 }
 
+// Then each batch asks for blocks and tiles that others have asked for.
+TEST_F(SameBits, when_hits_are_not_sorted) {
+  RenderOptions o = options();
+  o.settings.render.samples_per_pixel = 64;  // waves of several batches
+  o.plan.wave_paths = 100'000;
+  for (const uint64_t part : {1, 4}) {
+    o.plan.attribute_bytes = attribute_bytes() / part, o.plan.texture_bytes = 1 << 16;
+    o.sort_hits = true;
+    const RenderReport sorted = render(o, 2).report;
+    o.sort_hits = false;
+    const RenderReport unsorted = render(o, 2).report;
+    EXPECT_EQ(unsorted.image_hash, sorted.image_hash) << part;
+    EXPECT_GT(unsorted.textures.tiles_read, 3 * sorted.textures.tiles_read / 2);
+    if (part > 1) {
+      EXPECT_GT(unsorted.shade.attribute_blocks_touched, sorted.shade.attribute_blocks_touched);
+    }
+    EXPECT_EQ(unsorted.shade.shaded_count, sorted.shade.shaded_count);
+  }
+  o.settings.render.samples_per_pixel = options().settings.render.samples_per_pixel;
+  o.plan.spill = 1, o.hit_sort_bytes = 100 << 10;
+  EXPECT_EQ(render(o, 2).report.image_hash, hash_);
+}
+
 TEST_F(SameBits, when_few_hits_are_sorted_together) {
   RenderOptions o = options();
   o.plan.attribute_bytes = attribute_bytes() / 4;
@@ -265,6 +288,7 @@ TEST_F(SameBits, while_an_access_log_is_written) {
   o.access_log = &limited;
   o.park_rays = false;  // the same waves
   o.plan.page_bytes = trace_bytes() / 4, o.plan.attribute_bytes = attribute_bytes() / 4;
+  o.plan.texture_bytes = 1 << 16;
   const RenderedImage image = render(o, 2);
   EXPECT_EQ(image.report.image_hash, hash_);
   // What is needed is the rays' affair: the same for any budget. What is read is what the counters say.
@@ -474,6 +498,8 @@ TEST_F(SameBitsInMedia, as_the_depth_first_reference_for_any_memory_threads_wave
   o.plan.spill = 1;
   const RenderedImage swept = render(o, *store_);
   EXPECT_EQ(swept.report.image_hash, image.report.image_hash);
+  o.sort_hits = false;
+  EXPECT_EQ(render(o, *store_).report.image_hash, image.report.image_hash);
   EXPECT_GT(swept.report.volumes.parts_evicted, 0u);
   EXPECT_GT(swept.report.track.bricks_touched, 0u);
   EXPECT_GT(swept.report.spilled_bytes, 0u);

@@ -186,7 +186,7 @@ TEST_F(StoreTest, each_law_of_materials_and_textures_is_checked) {
 TEST_F(StoreTest, each_law_of_lights_is_checked) {
   const uint32_t nan = 0x7fc00000;
   const Damage cases[] = {
-      {section::kLights, offsetof(shading::Light, kind), 5},
+      {section::kLights, offsetof(shading::Light, kind), 6},
       {section::kLights, offsetof(shading::Light, radiance), nan},
       {section::kLights, offsetof(shading::Light, kind),
        static_cast<uint32_t>(shading::LightKind::infinite)},            // not last
@@ -194,7 +194,7 @@ TEST_F(StoreTest, each_law_of_lights_is_checked) {
       {section::kEmitters, offsetof(shading::Emitter, emission), 1},
       {section::kEmitters, 0, nan},
       {section::kEmissions, 0, 0xbf800000},  // negative
-      {section::kEmissions, offsetof(shading::Emission, two_sided), 2},
+      {section::kEmissions, offsetof(shading::Emission, radiance) + sizeof(Rgb), 0xfffffffc},  // no such texture
       {section::kLightCdf, 0, 0x3c000000},  // not 0
       {section::kLightCdf, 4, nan},
       {section::kLightCdf, 4, 0x3f800001},   // beyond 1

@@ -170,7 +170,7 @@ TEST(TrackMedia, each_round_reads_a_brick_once) {
   make_rays(rays, 2000);
   const CloudScene few(16, 0);
   const Tracked swept = track(few, rays);
-  EXPECT_EQ(swept.report.round_count, 2u);  // paths, shadow rays
+  EXPECT_EQ(swept.report.round_count, 2u);  // what is met next, and the rest of path rays
   EXPECT_LE(few.parts().counters().parts_read, swept.report.bricks_touched);
 }
 

@@ -118,7 +118,7 @@ TEST(Environment, an_image_in_the_light_table_is_turned_and_weighed) {
   Light image{}, constant{};
   image.kind = constant.kind = LightKind::infinite;
   image.radiance = {2, 2, 2}, constant.radiance = {0.1f, 0.2f, 0.3f};
-  image.has_image = 1;
+  image.image = 1;
   image.position = {0, 1, 0}, image.edge1 = {0, 0, 1}, image.edge2 = {1, 0, 0};
   const std::vector<Light> lights{constant, image};
   const std::vector<float> cdf{0, 0.25f, 1};

@@ -6,6 +6,7 @@
 #include <functional>
 #include <numbers>
 #include <random>
+#include <set>
 #include <vector>
 
 #include "shading/grid_walk.h"
@@ -166,6 +167,22 @@ TEST(Cells, ratio_tracking_is_the_transmittance) {
   }
 }
 
+// Too few steps would leave out what a tight bound must not. Their number is Poisson's: its variance is its mean.
+TEST(Cells, are_passed_in_as_many_steps_as_their_bound_says) {
+  constexpr uint32_t kRays = 200000;
+  for (const Line& line : kLines) {
+    const auto density = [&](float t) { return static_cast<float>(line.density(t)); };
+    uint32_t steps = 0;
+    for (uint32_t i = 0; i < kRays; ++i) {
+      OrderlessProduct weight[3];
+      for (int c = 0; c < Line::kCells; ++c)
+        ASSERT_TRUE(pass_cell(line.cell(c), Rgb{1, 0.4f, 0}, {{3, i, 9}, 77}, density, weight, steps));
+    }
+    const double wanted = line.largest * Line::kCells * Line::kCell;
+    EXPECT_NEAR(static_cast<double>(steps) / kRays, wanted, 5 * std::sqrt(wanted / kRays));
+  }
+}
+
 TEST(Cells, collisions_come_where_they_should_in_every_channel) {
   for (const Rgb sigma : {Rgb{1, 1, 1}, Rgb{1, 0.5f, 0.2f}})
     for (const Line& line : kLines) {
@@ -241,6 +258,15 @@ TEST(SegmentKey, differs_by_where_a_segment_starts) {
   EXPECT_NE(a.segment, segment_key({1, 2, 3}, 4, true, {1, 2, 3}).segment);
   EXPECT_NE(a.segment, segment_key({1, 2, 3}, 5, false, {1, 2, 3}).segment);
   EXPECT_EQ(a.segment, segment_key({1, 2, 3}, 4, false, {1, 2, 3}).segment);
+}
+
+// Cells that share them would collide together.
+TEST(GridWalk, every_cell_has_random_numbers_of_its_own) {
+  std::set<uint32_t> keys;
+  for (int32_t x = 0; x < 16; ++x)
+    for (int32_t y = 0; y < 16; ++y)
+      for (int32_t z = 0; z < 16; ++z) keys.insert(cell_key({{x, y, z}}));
+  EXPECT_EQ(keys.size(), 4096u);
 }
 
 TEST(GridWalk, steps_tile_the_segment_and_lie_in_their_cells) {

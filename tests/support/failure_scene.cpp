@@ -24,9 +24,9 @@ constexpr uint32_t kThinning = 16;
 constexpr uint32_t kThinning = 1;
 #endif
 
-Result<Store> packed(const std::filesystem::path& text, const std::filesystem::path& directory) {
+Result<Store> packed(const std::filesystem::path& text, const std::filesystem::path& directory, uint32_t page) {
   PackOptions options;
-  options.max_triangles_per_page = 16, options.max_faces_per_attribute_block = 64;
+  options.max_triangles_per_page = page, options.max_faces_per_attribute_block = 4 * page;
   options.volume_brick_voxels = 8;
   SPILLWAY_ASSIGN(const auto packer, ScenePacker::create(directory, options));
   tools::ImportReport report;
@@ -69,11 +69,12 @@ std::string film(int max_depth, int pixels) {
 
 }  // namespace
 
-FailureScene::FailureScene(const std::string& text, const MakeFiles& make_files) {
+FailureScene::FailureScene(const std::string& text, const MakeFiles& make_files, uint32_t triangles_per_page) {
   if (make_files) make_files(directory_.path());
   const std::filesystem::path file = directory_.path() / "scene.pbrt";
   std::ofstream(file) << text;
-  Result<Store> store = on_threads(2, [&] { return packed(file, directory_.path() / "scene.store"); });
+  Result<Store> store =
+      on_threads(2, [&] { return packed(file, directory_.path() / "scene.store", triangles_per_page); });
   if (!store)
     error_ = store.error().message;
   else
@@ -83,6 +84,7 @@ FailureScene::FailureScene(const std::string& text, const MakeFiles& make_files)
 RenderOptions FailureScene::options(uint32_t seed, uint32_t samples) const {
   RenderOptions o;
   o.settings = store_->settings();
+  o.settings.render.estimator = estimator_;
   o.settings.render.seed = seed, o.settings.render.samples_per_pixel = samples;
   o.scratch_directory = directory_.path();
   return o;

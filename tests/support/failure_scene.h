@@ -26,10 +26,13 @@ class FailureScene {
  public:
   using MakeFiles = std::function<void(const std::filesystem::path& folder)>;
   // make_files writes what the text names, beside it. A scene that cannot be packed says why in error().
-  explicit FailureScene(const std::string& text, const MakeFiles& make_files = {});
+  explicit FailureScene(const std::string& text, const MakeFiles& make_files = {}, uint32_t triangles_per_page = 16);
 
   [[nodiscard]] const std::string& error() const { return error_; }
   [[nodiscard]] const pipeline::Store& store() const { return *store_; }
+
+  // From now on; the default is the scene's.
+  void use(pipeline::Estimator estimator) { estimator_ = estimator; }
 
   // On two threads, everything resident.
   [[nodiscard]] Frame render(uint32_t seed, uint32_t samples) const;
@@ -45,6 +48,7 @@ class FailureScene {
   [[nodiscard]] Frame render(const pipeline::RenderOptions& options, int threads) const;
   [[nodiscard]] pipeline::RenderOptions starved(pipeline::RenderOptions options) const;
 
+  pipeline::Estimator estimator_ = pipeline::Estimator::mis_power;
   TemporaryDirectory directory_;
   std::unique_ptr<pipeline::Store> store_;
   std::string error_;

@@ -1,17 +1,22 @@
 #include "tests/support/fuzz_folder.h"
 
+#include <fcntl.h>
 #include <unistd.h>
 
 #include <cstdlib>
-#include <fstream>
 #include <string>
 
 namespace spillway::test {
 
 FuzzFiles::FuzzFiles() {
-  std::string name = (std::filesystem::temp_directory_path() / "spillway_fuzz_XXXXXX").string();
-  if (::mkdtemp(name.data()) == nullptr) std::abort();
-  path_ = name;
+  for (const std::filesystem::path& parent :
+       {std::filesystem::path("/dev/shm"), std::filesystem::temp_directory_path()}) {
+    std::string name = (parent / "spillway_fuzz_XXXXXX").string();
+    if (::mkdtemp(name.data()) == nullptr) continue;
+    path_ = name;
+    return;
+  }
+  std::abort();
 }
 
 FuzzFiles::~FuzzFiles() {
@@ -20,8 +25,13 @@ FuzzFiles::~FuzzFiles() {
 }
 
 std::filesystem::path FuzzFiles::write(const char* name, std::string_view bytes) const {
-  std::ofstream(path_ / name, std::ios::binary).write(bytes.data(), static_cast<std::streamsize>(bytes.size()));
-  return path_ / name;
+  std::filesystem::path path = path_ / name;
+  const int file = ::open(path.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0600);
+  if (file < 0) std::abort();
+  const ssize_t written = ::write(file, bytes.data(), bytes.size());
+  ::close(file);
+  if (written != static_cast<ssize_t>(bytes.size())) std::abort();
+  return path;
 }
 
 const FuzzFiles& fuzz_folder() {

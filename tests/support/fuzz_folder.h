@@ -1,6 +1,7 @@
 #pragma once
 
-// A folder for the files of one fuzzer, gone at the end of the process.
+// A folder for the files of one fuzzer, gone at the end of the process. In memory where the system has a place for that:
+// a fuzzer writes a file for every input.
 
 #include <filesystem>
 #include <string_view>
@@ -13,6 +14,7 @@ class FuzzFiles {
   ~FuzzFiles();
   FuzzFiles(const FuzzFiles&) = delete;
   FuzzFiles& operator=(const FuzzFiles&) = delete;
+  [[nodiscard]] const std::filesystem::path& path() const { return path_; }
   std::filesystem::path write(const char* name, std::string_view bytes) const;
 
  private:

@@ -85,7 +85,7 @@ class Walker {
         if (is_black(path.throughput)) return {};
         if (medium.distance < INFINITY) {
           const ShadedVertex vertex = shade_medium(s_.inputs.settings, medium_hit(ray, path, medium.distance));
-          if (vertex.has_shadow) SPILLWAY_TRY(follow_shadow(vertex.shadow_ray, vertex.shadow));
+          if (vertex.has_shadow) SPILLWAY_TRY(follow_shadow(vertex.shadow_ray, vertex.shadow, vertex.shadow_end));
           if (!vertex.has_path) return {};
           ray = vertex.path_ray, path = vertex.path;
           continue;
@@ -110,7 +110,7 @@ class Walker {
         s_.film.add_aovs({&aovs, 1});
       }
       if (vertex.has_splat) splat(vertex.splat);
-      if (vertex.has_shadow) SPILLWAY_TRY(follow_shadow(vertex.shadow_ray, vertex.shadow));
+      if (vertex.has_shadow) SPILLWAY_TRY(follow_shadow(vertex.shadow_ray, vertex.shadow, vertex.shadow_end));
       if (!vertex.has_path) return {};
       ray = vertex.path_ray, path = vertex.path;
     }
@@ -127,7 +127,7 @@ class Walker {
     return track_segment(s_.media, segment, std::is_same_v<Record, ShadowRecord>);
   }
 
-  Status follow_shadow(cache::TraceRay ray, ShadowRecord shadow) {
+  Status follow_shadow(cache::TraceRay ray, ShadowRecord shadow, const shading::LightPlace& end) {
     while (true) {
       const cache::TraceHit found = s_.tracer.occlusion(ray);
       if (found.flags & cache::kHitOccluded) return {};
@@ -135,14 +135,17 @@ class Walker {
         MediumSegment segment;
         shadow.contribution *= through_medium(ray, found, shadow, segment).weight;
       }
-      if (found.prim == PrimId::kNone) {
+      if (found.prim == PrimId::kNone && end.prim == PrimId::kNone) {
         splat({shadow.sink, shadow.sample, shadow_event(shadow.bounce), shadow.contribution});
         return {};
       }
-      HitRecord hit{found, ray.direction_world, ray.t_max, {}, 1};
-      hit.path.sink = shadow.sink, hit.path.sample = shadow.sample, hit.path.medium = shadow.medium;
-      hit.path.bounce = shadow.bounce, hit.path.throughput = shadow.contribution;
+      const bool has_arrived = found.prim == PrimId::kNone;
+      const HitRecord hit = has_arrived ? arrived_hit(ray, shadow, end) : shadow_hit(ray, found, shadow, end);
       SPILLWAY_TRY(resolve(hit));
+      if (has_arrived) {
+        splat(arrived_splat(hit, query_.values));
+        return {};
+      }
       if (query_.stopped) return {};
       shadow.medium = medium_beyond(point_, ray.direction_world);
       ray = ray_beyond(hit, point_);
@@ -203,6 +206,8 @@ Status open(const Store& store, const ReferenceOptions& options, ReferenceState&
   state.inputs.settings = {state.lights.table(), std::min(render.max_depth, kMostBounces), render.seed, render.sampler,
                            ray_times(store, options.settings).shutter};
   state.inputs.tables = {store.meshes(), store.materials(), state.evaluator.get()};
+  if (const shading::LightTable& lights = state.inputs.settings.lights; !lights.places.empty())
+    state.inputs.tables.emissions = lights.emissions, state.inputs.tables.emitters = lights.emitters;
   state.inputs.instances = store.page_tree().instances;
   state.inputs.motions = store.motions();
   state.inputs.settings.media = store.medium_tables().media;

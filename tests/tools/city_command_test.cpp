@@ -52,6 +52,21 @@ TEST_F(CityCommand, text_and_store_are_rendered_and_counted_alike) {
   EXPECT_EQ(second.code, 0) << second.said;
 }
 
+TEST_F(CityCommand, fog_is_a_file_that_text_names_and_stores_take_in) {
+  const std::string options = " --buildings 12 --trees 0 --cars 0 --texels-per-metre 0 --fog-cells 48 --fog=fog,cloud -q";
+  const Ended text = spillway("city -o text" + options), store = spillway("city -o packed --format store" + options);
+  ASSERT_EQ(text.code, 0) << text.said;
+  ASSERT_EQ(store.code, 0) << store.said;
+  EXPECT_TRUE(fs::exists(folder_ / "text/air.vdb"));
+  EXPECT_GT(fs::file_size(folder_ / "packed/city.store/volumes.bricks"), 1u << 20);
+  EXPECT_EQ(manifest("packed")["air"]["media"], 1);
+  EXPECT_EQ(manifest("packed")["air"], manifest("text")["air"]);
+  const std::string render = " --resolution 32x18 --spp 1 -q";
+  EXPECT_EQ(spillway("render packed/city.store -o a.exr" + render).code, 0);
+  const Ended second = spillway("render text/city.pbrt -o b.exr" + render);
+  EXPECT_EQ(second.code, 0) << second.said;
+}
+
 TEST_F(CityCommand, a_plan_writes_nothing) {
   const Ended plan = spillway("city --dry-run -q --buildings 200");
   ASSERT_EQ(plan.code, 0) << plan.said;
@@ -103,6 +118,8 @@ TEST_F(CityCommand, what_makes_no_sense_is_refused_before_anything_is_written) {
   expect_refused("--time noon", "--time", 2);
   expect_refused("--terrain mars", "--terrain", 2);
   expect_refused("--unique 2", "--unique", 2);
+  expect_refused("--buildings 5 --fog=mist", "fog, cloud and smoke", 2);
+  expect_refused("--buildings 5 --fog --tessellate", "--fog", 2);
   expect_refused("--buildings -5", "at most");
   const Ended nameless = spillway("city --buildings 5");
   EXPECT_EQ(nameless.code, 2);

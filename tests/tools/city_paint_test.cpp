@@ -7,6 +7,7 @@
 #include <iterator>
 
 #include "cache/facetex_file.h"
+#include "cache/texture_cache.h"
 #include "pipeline/pack/scene_packer.h"
 #include "pipeline/store.h"
 #include "tests/support/small_scene.h"
@@ -162,6 +163,78 @@ TEST_F(CityPaint, bytes_choose_the_texels) {
   const auto absurd = City::plan(options);
   ASSERT_FALSE(absurd);
   EXPECT_NE(absurd.error().message.find("--textures"), std::string::npos);
+}
+
+// Three quads in a row along x, each from x to x + 1, and one that stands on the last one's edge.
+PaintedMesh some_quads() {
+  PaintedMesh mesh;
+  for (int x = 0; x < 4; ++x)
+    for (int z = 0; z < 2; ++z) mesh.positions.push_back({static_cast<float>(x), 0, static_cast<float>(z)});
+  mesh.positions.push_back({3, 2, 0}), mesh.positions.push_back({3, 2, 1});
+  mesh.faces = {{{0, 2, 3, 1}, 1, Surface::brick_red, {5, 5}},
+                {{4, 5, 3, 2}, 1, Surface::brick_red, {5, 5}},  // turned: its edge 2 is that of the first
+                {{4, 6, 7, 5}, 1, Surface::brick_red, {5, 5}},
+                {{6, 8, 9, 7}, 1, Surface::brick_red, {5, 5}}};
+  return mesh;
+}
+
+TEST_F(CityPaint, faces_name_the_neighbours_that_continue_them) {
+  PaintedMesh mesh = some_quads();
+  const auto infos = face_infos(mesh);
+  EXPECT_EQ(infos[0].adjacent_faces[1], 1u);
+  EXPECT_EQ(infos[0].adjacent_edge(1), 2u);
+  EXPECT_EQ(infos[1].adjacent_faces[2], 0u);
+  EXPECT_EQ(infos[1].adjacent_edge(2), 1u);
+  EXPECT_EQ(infos[1].adjacent_faces[0], 2u);
+  EXPECT_EQ(infos[2].adjacent_faces[3], 1u);
+  EXPECT_EQ(infos[2].adjacent_faces[1], cache::kNoFace);  // around a corner
+  for (uint32_t f = 0; f < 4; ++f)
+    EXPECT_EQ(cache::first_inconsistent_edge(infos, cache::FaceShape::quad, f), cache::kNoFace);
+  mesh.faces[0].wall = 2, mesh.faces[2].surface = Surface::limestone;
+  for (const cache::FaceInfo& face : face_infos(mesh))
+    for (const uint32_t other : face.adjacent_faces) EXPECT_EQ(other, cache::kNoFace);
+  mesh = some_quads();
+  for (PaintedFace& face : mesh.faces) face.surface = Surface::glass_dark;
+  EXPECT_EQ(face_infos(mesh)[0].adjacent_faces[1], cache::kNoFace);
+}
+
+// Where two faces of a city share an edge at one resolution, what is seen on it is the same from both.
+TEST_F(CityPaint, is_continuous_across_edges) {
+  const fs::path store = packed("store", painted_city(3));
+  const auto opened = pipeline::Store::open(store);
+  const auto file = cache::FaceTexFile::open(paint_of(store), {});
+  ASSERT_TRUE(opened && file);
+  auto cache =
+      cache::TextureCache::open(opened->textures_path(), {}, {}, opened->face_containers(), opened->face_textures());
+  ASSERT_TRUE(cache) << cache.error().message;
+  size_t edges = 0, named = 0, compared = 0;
+  for (uint32_t t = 0; t < opened->face_textures().size(); ++t) {
+    const auto faces = file->faces(file->textures()[opened->face_textures()[t].texture]);
+    for (uint32_t f = 0; f < faces.size(); ++f)
+      for (uint32_t e = 0; e < 4; ++e, ++edges) {
+        if (faces[f].adjacent_faces[e] == cache::kNoFace) continue;
+        ++named;
+        const cache::FaceInfo& other = faces[faces[f].adjacent_faces[e]];
+        const bool is_turned = (e ^ faces[f].adjacent_edge(e)) & 1;
+        if (faces[f].ulog2 != (is_turned ? other.vlog2 : other.ulog2) ||
+            faces[f].vlog2 != (is_turned ? other.ulog2 : other.vlog2))
+          continue;
+        const auto middle = [](uint32_t edge) {
+          return std::pair(edge == 1 ? 1.0f : edge == 3 ? 0.0f : 0.5f, edge == 2 ? 1.0f : edge == 0 ? 0.0f : 0.5f);
+        };
+        const auto [u, v] = middle(e);
+        const auto [s, r] = middle(faces[f].adjacent_edge(e));
+        const std::array<cache::FaceTextureRequest, 2> requests = {
+            {{t, f, u, v, 0, 0, 0, {}}, {t, faces[f].adjacent_faces[e], s, r, 0, 0, 0, {}}}};
+        std::array<cache::Texel, 2> values;
+        ASSERT_TRUE((*cache)->look_up_faces(requests, values));
+        for (int c = 0; c < 3; ++c)
+          ASSERT_NEAR(values[0].value[c], values[1].value[c], 1e-5) << t << ' ' << f << ' ' << e;
+        ++compared;
+      }
+  }
+  EXPECT_GT(named, edges / 50);
+  EXPECT_GT(compared, 100u);
 }
 
 TEST_F(CityPaint, faces_that_continue_each_other_are_painted_on) {

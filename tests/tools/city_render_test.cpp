@@ -89,5 +89,48 @@ TEST_F(CityRender, the_picture_is_lit_by_windows_and_lamps) {
   EXPECT_LT(sum / (64 * 36), 0.5);
 }
 
+// Fog, a cloud and a plume: bricks come and go.
+TEST(CityRenderInFog, has_the_bits_of_the_reference_with_any_memory_and_threads) {
+  const test::TemporaryDirectory directory;
+  CityOptions said;
+  said.buildings = 260, said.detail_triangles = 700, said.trees = 0, said.cars = 0, said.seed = 5;
+  said.time = TimeOfDay::dusk, said.street_lights = 100, said.air = {true, true, true}, said.air_cells = 40;
+  const auto city = City::plan(said);
+  ASSERT_TRUE(city) << city.error().message;
+  ASSERT_GT(city->counts().plumes, 0u);
+  const auto sky = directory.path() / "sky.exr", air = directory.path() / "air.vdb";
+  ASSERT_TRUE(write_sky(sky, said.time));
+  ASSERT_TRUE(city->write_air(air));
+  auto packer = ScenePacker::create(directory.path() / "city.store", {.max_triangles_per_page = 8192});
+  ASSERT_TRUE(packer);
+  ASSERT_TRUE(city->emit(**packer, sky, air));
+  const Status finished = (*packer)->finish();
+  ASSERT_TRUE(finished) << finished.error().message;
+  const auto store = Store::open(directory.path() / "city.store");
+  ASSERT_TRUE(store) << store.error().message;
+  RenderOptions options;
+  options.settings = store->settings();
+  options.settings.camera.resolution_x_px = 48, options.settings.camera.resolution_y_px = 27;
+  options.settings.render.samples_per_pixel = 2;
+  options.scratch_directory = directory.path();
+  const auto tracer = test::kernel_tracer(*store);
+  ASSERT_TRUE(tracer) << tracer.error().message;
+  const auto film = test::render_reference(*store, **tracer, {options.settings, false});
+  ASSERT_TRUE(film) << film.error().message;
+  const std::string hash = (*film)->hash();
+  const auto render = [&](int threads) {
+    auto image = on_threads(threads, [&] { return render_image(*store, options); });
+    EXPECT_TRUE(image) << image.error().message;
+    EXPECT_EQ(image->report.image_hash, hash);
+    return std::move(image->report);
+  };
+  const RenderReport whole = render(2);
+  EXPECT_GT(whole.track.collision_count, 1000u);
+  options.plan.volume_bytes = 2 << 20, options.plan.wave_paths = 1000;
+  const RenderReport small = render(3);
+  EXPECT_GT(small.volumes.parts_evicted + small.volumes.parts_read_again, 10u);
+  EXPECT_FALSE(small.faults.any());
+}
+
 }  // namespace
 }  // namespace spillway::tools::city

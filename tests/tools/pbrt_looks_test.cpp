@@ -100,7 +100,7 @@ TEST(pbrt, an_infinite_light_may_have_an_image_in_its_own_frame) {
       "\"point3 portal\" [0 0 0 1 0 0 1 1 0 0 1 0]");
   ASSERT_EQ(imported.error, "");
   const shading::Light& light = imported.sink.lights.at(0);
-  EXPECT_EQ(light.has_image, 1u);
+  EXPECT_EQ(light.image, 1u);
   EXPECT_EQ(light.radiance.g, 3);
   // Where the world's x is seen in the light: its axes are rows of the inverse rotation.
   EXPECT_LT(length(Float3{light.position.x, light.edge1.x, light.edge2.x} - Float3{0, -1, 0}), 1e-6f);

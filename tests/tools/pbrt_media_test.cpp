@@ -31,6 +31,20 @@ TEST(PbrtMedia, coefficients_are_rgb_or_spectra_of_any_kind) {
                           "scene.pbrt:2:49: \"sigma_a\" must not be negative"));
 }
 
+// The figures of the papers; per millimetre, as pbrt takes them.
+TEST(PbrtMedia, presets_are_what_was_measured) {
+  const Medium milk = medium_of(kFog + "\"string preset\" \"Wholemilk\" \"rgb sigma_a\" [9 9 9]");
+  EXPECT_EQ(milk.sigma_s, (Rgb{2.55f, 3.21f, 3.77f}));
+  EXPECT_EQ(milk.sigma_a, (Rgb{0.0011f, 0.0024f, 0.014f}));
+  const Medium wine = medium_of(kFog + "\"string preset\" \"Merlot\" \"float scale\" 10");
+  EXPECT_EQ(wine.sigma_a, (Rgb{0.11632f, 0.25191f, 0.29434f}) * 10.0f);
+  EXPECT_EQ(wine.sigma_s, (Rgb{2.1129e-05f, 0, 0}) * 10.0f);
+  EXPECT_EQ(medium_of(kFog + "\"string preset\" \"Head & Shoulders Shampoo\"").sigma_s.g, 0.028804f);
+  EXPECT_EQ(medium_of(kFog + "\"string preset\" \"Pacific Ocean Surface Water\"").sigma_a.r, 0.031845f);
+  EXPECT_NE(import_medium(kFog + "\"string preset\" \"wholemilk\"").error.find("no measured medium \"wholemilk\""),
+            std::string::npos);
+}
+
 TEST(PbrtMedia, what_glows_has_the_colour_of_a_light) {
   const Medium fog = medium_of(kFog + "\"rgb Le\" [1 2 3] \"float Lescale\" 2");
   EXPECT_EQ(fog.glow_kind, GlowKind::constant);
@@ -60,6 +74,18 @@ TEST(PbrtMedia, no_glow_is_dropped_silently) {
   expect(kGrid + "\"float Lescale\" [2 3]", "has no parameter \"float Lescale\"");
   expect(kGrid + "\"float temperature\" [1 2] \"float Lescale\" [2 3]", "\"float Lescale\" takes 1 value, not 2");
   expect(kGrid + "\"float temperature\" [1 2] \"rgb Le\" [2 3 4]", "not both");
+}
+
+TEST(PbrtMedia, a_camera_without_a_medium_interface_says_none) {
+  const auto camera_medium = [](const std::string& before_camera) {
+    const Imported imported = import_text("MakeNamedMedium \"m\" " + kFog + "\n" + before_camera +
+                                          "Camera \"perspective\"\nWorldBegin\nMediumInterface \"m\" \"\"\n");
+    EXPECT_EQ(imported.error, "");
+    return imported.sink.settings.render.camera_medium;
+  };
+  EXPECT_EQ(camera_medium(""), pipeline::kMediumUnsaid);
+  EXPECT_EQ(camera_medium("MediumInterface \"\" \"m\"\n"), 0u);
+  EXPECT_EQ(camera_medium("MediumInterface \"\"\n"), pipeline::kNoMedium);
 }
 
 }  // namespace

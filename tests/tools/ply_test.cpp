@@ -97,6 +97,31 @@ TEST_P(PlyFormats, reads_vertices_and_splits_quads) {
   EXPECT_EQ(mesh->indices, (std::vector<uint32_t>{0, 1, 2, 1, 2, 3, 1, 3, 4}));
 }
 
+// The file is read in pieces of a quarter of a megabyte.
+TEST_P(PlyFormats, files_of_many_pieces_lose_nothing) {
+  constexpr int kCount = 60000;
+  std::string b = "ply\nformat " + format_name(GetParam()) +
+                  " 1.0\nelement vertex 60000\nproperty float x\nproperty double y\nproperty uchar of\nproperty float z\n"
+                  "element face 1\nproperty list uchar int vertex_indices\nend_header\n";
+  for (int i = 0; i < kCount; ++i) {
+    const float f = static_cast<float>(i);
+    put(b, GetParam(), f), put(b, GetParam(), -2.0 * i), put(b, GetParam(), uint8_t{7}), put(b, GetParam(), 0.25f * f);
+  }
+  put(b, GetParam(), uint8_t{3});
+  for (const int32_t i : {0, 1, kCount - 1}) put(b, GetParam(), i);
+  if (GetParam() == Format::ascii) b.back() = '\n';
+  ASSERT_GT(b.size(), size_t{900} << 10);
+  const auto mesh = read_ply(file_of(b));
+  ASSERT_TRUE(mesh) << mesh.error().message;
+  ASSERT_EQ(mesh->positions.size(), size_t{kCount});
+  for (int i = 0; i < kCount; ++i) {
+    const Float3 p = mesh->positions[static_cast<size_t>(i)];
+    const float f = static_cast<float>(i);
+    ASSERT_TRUE(p.x == f && p.y == -2 * f && p.z == 0.25f * f) << i;
+  }
+  EXPECT_EQ(mesh->indices, (std::vector<uint32_t>{0, 1, kCount - 1}));
+}
+
 TEST_P(PlyFormats, every_prefix_is_refused_with_a_byte) {
   const std::string bytes = sample(GetParam());
   for (size_t size = 0; size < bytes.size(); ++size) {

@@ -37,6 +37,7 @@ class RecordingSink : public pipeline::SceneSink {
   std::vector<std::string> material_names;
   std::vector<shading::Light> lights;
   std::vector<ImageId> environments;
+  std::vector<pipeline::ImageLightInput> image_lights;
   std::vector<shading::Portal> portals;
   std::vector<std::string> objects;
   std::vector<RecordedMesh> meshes;
@@ -85,6 +86,11 @@ class RecordingSink : public pipeline::SceneSink {
     environments.push_back(image);
     return add_light(light);
   }
+  Status add_image_light(const pipeline::ImageLightInput& light) override {
+    if (light.image.value >= images.size()) contract = "image after its light";
+    image_lights.push_back(light);
+    return add_light(light.light);
+  }
   Result<uint32_t> add_volume(const pipeline::VolumeInput& volume) override {
     volumes.push_back(volume);
     return static_cast<uint32_t>(volumes.size() - 1);
@@ -112,6 +118,8 @@ class RecordingSink : public pipeline::SceneSink {
     for (const uint32_t medium : {mesh.medium_inside, mesh.medium_outside})
       if (mesh.divides_media && medium != pipeline::kNoMedium && medium >= media.size()) contract = "mesh before its media";
     if (mesh.alpha.valid() && mesh.alpha.value >= textures.size()) contract = "mesh before its alpha";
+    if (mesh.emission_texture.valid() && mesh.emission_texture.value >= textures.size())
+      contract = "mesh before its emission";
     if (mesh.object > objects.size()) contract = "mesh of no object";
     for (const uint32_t index : mesh.indices) {
       if (index >= mesh.positions.size()) contract = "index out of range";

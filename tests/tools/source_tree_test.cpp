@@ -75,6 +75,30 @@ TEST(SourceTree, libraries_have_one_owner) {
   }
 }
 
+std::string first_line(const fs::path& file, const char* head) {
+  std::ifstream stream(file);
+  for (std::string line; std::getline(stream, line);)
+    if (line.starts_with(head)) return line;
+  return {};
+}
+
+// So that it includes what it needs; headers without a source of their own are compiled alone (tests/CMakeLists.txt).
+TEST(SourceTree, headers_come_first_in_their_own_source_and_once_anywhere) {
+  int count = 0;
+  for (const auto& [layer, below] : kMayInclude)
+    for (const auto& entry : fs::recursive_directory_iterator(fs::path(SPILLWAY_SOURCE_DIR) / layer)) {
+      if (entry.path().extension() != ".h") continue;
+      EXPECT_EQ(first_line(entry.path(), ""), "#pragma once") << entry.path();
+      fs::path source = entry.path();
+      source.replace_extension(".cpp");
+      if (!fs::exists(source)) continue;
+      const std::string name = fs::relative(entry.path(), SPILLWAY_SOURCE_DIR);
+      EXPECT_EQ(first_line(source, "#include"), "#include \"" + name + "\"") << source;
+      ++count;
+    }
+  EXPECT_GT(count, 150);
+}
+
 // A name that is not UTF-8 ends the program anywhere else.
 TEST(SourceTree, json_becomes_text_in_one_place) {
   for (const char* layer : {"cache", "shading", "pipeline", "tools"})

@@ -267,6 +267,7 @@ City::BlockCounts City::count_block(size_t index, FaceSizes& sizes) {
     ++c.kinds[static_cast<size_t>(b.kind)], ++c.districts[static_cast<size_t>(b.district)];
     c.floors += static_cast<uint64_t>(b.floors);
   }
+  if (options_.air.smoke) block.chimneys = g.chimneys();
   if (g.face_sizes()) sizes.add(*g.face_sizes());
   rows_[index].triangles = g.triangle_count();
   return block;
@@ -282,8 +283,10 @@ void City::survey() {
     sizes_->add(sizes);
   });
   used_.resize(kFirstDesign + plan_options_.designs.size());
+  std::vector<Chimney> chimneys;
   for (const BlockCounts& part : parts) {
     const CityCounts& c = part.counts;
+    chimneys.insert(chimneys.end(), part.chimneys.begin(), part.chimneys.end());
     for (const auto member : {&CityCounts::building_triangles, &CityCounts::ground_triangles, &CityCounts::light_triangles,
                               &CityCounts::cages, &CityCounts::cage_faces, &CityCounts::lots, &CityCounts::buildings,
                               &CityCounts::instanced_buildings, &CityCounts::street_lights, &CityCounts::trees,
@@ -297,6 +300,7 @@ void City::survey() {
   count_land();
   count_prototypes();
   cut_tiles();
+  raise_smoke(std::move(chimneys));
 }
 
 // Blocks that follow each other, until they hold enough.

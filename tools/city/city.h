@@ -16,6 +16,7 @@
 #include <vector>
 
 #include "pipeline/pack/scene_sink.h"
+#include "tools/city/air.h"
 #include "tools/city/furniture.h"
 #include "tools/city/massing.h"
 #include "tools/city/view.h"
@@ -42,6 +43,8 @@ struct CityOptions {
   TimeOfDay time = TimeOfDay::day;
   CameraKind camera = CameraKind::aerial;
   uint32_t first_frame = 1, last_frame = 1;  // of a flight of kFlightFrames
+  AirKinds air;                              // what hangs in it
+  uint32_t air_cells = kAirCells;            // of its grid, along the radius; more: a larger file
 };
 
 // Exact: counted by making everything once.
@@ -55,8 +58,9 @@ struct CityCounts {
   uint64_t building_triangles = 0, ground_triangles = 0, light_triangles = 0, prototype_triangles = 0;
   uint64_t cages = 0, cage_faces = 0;  // Catmull-Clark; triangles only when they are tessellated
   uint64_t instances = 0, instanced_triangles = 0;
+  uint64_t plumes = 0, media = 0, hull_triangles = 0;  // of smoke; hulls are where its media begin
   [[nodiscard]] uint64_t unique_triangles() const {
-    return building_triangles + ground_triangles + prototype_triangles;
+    return building_triangles + ground_triangles + prototype_triangles + hull_triangles;
   }
 };
 
@@ -76,8 +80,12 @@ class City {
   [[nodiscard]] FaceSizes::Texels painted() const { return sizes_->at(options_.texels_per_metre); }
   [[nodiscard]] double texels_per_metre() const { return options_.texels_per_metre; }
 
-  // Everything but finish(). `sky`: the image of the sky, already written.
-  Status emit(pipeline::SceneSink& sink, const std::filesystem::path& sky) const;
+  // What hangs in the air, as a .vdb file: a grid of the whole, and one a plume.
+  [[nodiscard]] bool has_air() const { return counts_.media > 0; }
+  Status write_air(const std::filesystem::path& file) const;
+  // Everything but finish(). `sky`: the image of the sky, `air`: the file of write_air() where the city has any; both
+  // already written.
+  Status emit(pipeline::SceneSink& sink, const std::filesystem::path& sky, const std::filesystem::path& air = {}) const;
 
   // What stands on one block: for tests and pictures of the plan.
   struct Contents {
@@ -102,6 +110,7 @@ class City {
   struct BlockCounts {
     CityCounts counts;
     std::vector<uint64_t> used;  // by number in the catalogue
+    std::vector<Chimney> chimneys;
   };
 
   [[nodiscard]] Geometry geometry(Geometry::Mode mode) const {
@@ -133,7 +142,10 @@ class City {
   void count_land();
   [[nodiscard]] BlockCounts count_block(size_t index, FaceSizes& sizes);
   void cut_tiles();
-  void emit_cameras(pipeline::SceneSink& sink) const;
+  void raise_smoke(std::vector<Chimney> chimneys);
+  [[nodiscard]] Air air() const { return {terrain_, options_.seed, options_.air, options_.air_cells}; }
+  void emit_cameras(pipeline::SceneSink& sink, uint32_t medium) const;
+  Result<uint32_t> emit_air(pipeline::SceneSink& sink, const std::filesystem::path& file) const;
   Status emit_prototypes(pipeline::SceneSink& sink, Objects& objects) const;
   Status emit_tiles(pipeline::SceneSink& sink, const Objects& objects) const;
   [[nodiscard]] Made make_tile(size_t tile) const;
@@ -147,6 +159,7 @@ class City {
   std::vector<Row> rows_;
   std::vector<uint64_t> used_;  // how often each of the catalogue stands somewhere
   std::vector<Tile> tiles_;
+  std::vector<Plume> plumes_;
   CityCounts counts_;
   std::unique_ptr<FaceSizes> sizes_ = std::make_unique<FaceSizes>();  // of faces that can be painted, when they are
 };

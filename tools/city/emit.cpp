@@ -34,7 +34,7 @@ Status add_light(pipeline::SceneSink& sink, TimeOfDay time, const std::filesyste
   light.kind = shading::LightKind::infinite;
   light.radiance = {1, 1, 1};
   light.position = {1, 0, 0}, light.edge1 = {0, 1, 0}, light.edge2 = {0, 0, 1};
-  light.has_image = 1;
+  light.image = 1;
   SPILLWAY_TRY(sink.add_environment(light, image));
   return sink.add_light(sun(time));
 }
@@ -140,8 +140,7 @@ Status add_painted(pipeline::SceneSink& sink, const Geometry& g, PaintGroup grou
   format.encoding = cache::FaceTexEncoding::srgb;
   cache::FaceTextureShape shape;
   shape.name = fmt::format("{}_{}", place.name, city::name(group));
-  for (const PaintedFace& face : mesh.faces)
-    shape.faces.push_back({.ulog2 = face.size.ulog2, .vlog2 = face.size.vlog2});
+  shape.faces = face_infos(mesh);
   const std::string name = shape.name;
   SPILLWAY_ASSIGN(const FaceTextureId paint, sink.begin_face_texture(format, std::move(shape)));
   SPILLWAY_TRY(add_texels(sink, g, mesh));
@@ -280,8 +279,14 @@ View City::view(uint32_t frame) const {
   return view_of(options_.camera, static_cast<double>(frame - 1) / (kFlightFrames - 1), blocks_, terrain_);
 }
 
-void City::emit_cameras(pipeline::SceneSink& sink) const {
-  sink.set_settings(settings_of(view(options_.first_frame)));
+// What scatters in gas goes on: with the five bounces of streets alone clouds are grey.
+constexpr uint32_t kAiryDepth = 16;
+
+void City::emit_cameras(pipeline::SceneSink& sink, uint32_t medium) const {
+  pipeline::SceneSettings settings = settings_of(view(options_.first_frame));
+  settings.render.camera_medium = medium;
+  if (has_air()) settings.render.max_depth = kAiryDepth;
+  sink.set_settings(settings);
   if (options_.last_frame == options_.first_frame) return;
   std::vector<shading::Camera> cameras;
   for (uint32_t frame = options_.first_frame; frame <= options_.last_frame; ++frame)
@@ -289,13 +294,18 @@ void City::emit_cameras(pipeline::SceneSink& sink) const {
   sink.set_camera_path(options_.first_frame, cameras);
 }
 
-Status City::emit(pipeline::SceneSink& sink, const std::filesystem::path& sky) const {
+Status City::emit(pipeline::SceneSink& sink, const std::filesystem::path& sky,
+                  const std::filesystem::path& air) const {
   for (size_t s = 0; s < kSurfaceCount; ++s) {
     const auto surface = static_cast<Surface>(s);
     SPILLWAY_ASSIGN(const MaterialId id, sink.add_material(material_of(surface), std::string(name(surface))));
     if (id.value != s) return error("material {} was given number {}", name(surface), id.value);
   }
-  emit_cameras(sink);
+  uint32_t medium = pipeline::kNoMedium;
+  if (has_air()) {
+    SPILLWAY_ASSIGN(medium, emit_air(sink, air));
+  }
+  emit_cameras(sink, medium);
   SPILLWAY_TRY(add_light(sink, options_.time, sky));
   Objects objects;
   SPILLWAY_TRY(emit_prototypes(sink, objects));

@@ -34,6 +34,12 @@ struct Cage {
   [[nodiscard]] uint64_t face_count() const { return indices.size() / 4 - holes.size(); }
 };
 
+// The mouth of a chimney that smokes.
+struct Chimney {
+  Vec3 mouth;
+  double radius_m;
+};
+
 class Geometry {
  public:
   enum class Mode { keep, count };
@@ -51,6 +57,7 @@ class Geometry {
     quad(surface, frame.point(a), frame.point(b), frame.point(c), frame.point(d));
   }
   void add_cage(Cage cage);
+  void add_chimney(const Chimney& chimney) { chimneys_.push_back(chimney); }
   // What is added until the next call is part of this wall. Returns the wall before, for back_to_wall.
   uint32_t begin_wall(const WallGrid& wall);
   void back_to_wall(uint32_t wall) { wall_ = wall; }
@@ -63,6 +70,7 @@ class Geometry {
   [[nodiscard]] uint64_t triangle_count(Surface surface) const { return counts_[static_cast<size_t>(surface)]; }
   [[nodiscard]] uint64_t triangle_count() const;
   [[nodiscard]] const std::vector<Cage>& cages() const { return cages_; }
+  [[nodiscard]] const std::vector<Chimney>& chimneys() const { return chimneys_; }
   [[nodiscard]] uint64_t cage_count() const { return cage_count_; }
   [[nodiscard]] uint64_t cage_face_count() const { return cage_face_count_; }
   [[nodiscard]] uint32_t tessellation() const { return options_.tessellation; }
@@ -84,6 +92,7 @@ class Geometry {
   std::unique_ptr<FaceSizes> sizes_;
   uint64_t cage_count_ = 0, cage_face_count_ = 0;
   std::vector<Cage> cages_;
+  std::vector<Chimney> chimneys_;
   std::array<uint64_t, kSurfaceCount> counts_{};
   std::array<SurfaceMesh, kSurfaceCount> meshes_;
   std::array<PaintedMesh, kPaintGroups> painted_;

@@ -11,7 +11,7 @@ std::string manifest_json(const City& city, const CityOptions& options) {
   nlohmann::ordered_json kinds, districts;
   for (size_t i = 0; i < kKindCount; ++i) kinds[name(static_cast<Kind>(i))] = c.kinds[i];
   for (size_t i = 0; i < c.districts.size(); ++i) districts[name(static_cast<District>(i))] = c.districts[i];
-  const nlohmann::ordered_json json = {
+  nlohmann::ordered_json json = {
       {"kind", "spillway city"},
       {"seed", options.seed},
       {"buildings", c.buildings},
@@ -44,6 +44,8 @@ std::string manifest_json(const City& city, const CityOptions& options) {
       {"texels", city.painted().texels},
       {"predicted_texture_bytes", city.predicted_texture_bytes()},
   };
+  if (city.has_air())
+    json["air"] = {{"fog", options.air.fog}, {"cloud", options.air.cloud}, {"media", c.media}, {"smoke_plumes", c.plumes}};
   return pipeline::json_text(json) + "\n";
 }
 

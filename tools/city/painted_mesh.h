@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "cache/base/vec.h"
+#include "cache/face_layout.h"
 #include "tools/city/palette.h"
 #include "tools/city/wall_grid.h"
 
@@ -42,6 +43,11 @@ struct PaintedMesh {
   std::vector<Float3> positions;
   std::vector<PaintedFace> faces;
 };
+
+// The faces as a file of face textures holds them. Neighbours are faces that share an edge and are painted on across
+// it: of one wall and surface, in one plane, no panes (each has curtains of its own). Of a mesh whose points are
+// welded.
+[[nodiscard]] std::vector<cache::FaceInfo> face_infos(const PaintedMesh& mesh);
 
 // ---- sizes ----
 

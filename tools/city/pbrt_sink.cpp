@@ -70,7 +70,8 @@ Status check_written(const pipeline::MeshInput& mesh) {
   if (mesh.flip_normals) return error("{}: reversed normals are not written as pbrt text", mesh.name);
   if (mesh.emits && mesh.emits_two_sided)
     return error("{}: light of both sides is not written as pbrt text", mesh.name);
-  if (mesh.divides_media) return error("{}: media are not written as pbrt text", mesh.name);
+  if (mesh.divides_media && mesh.material.valid())
+    return error("{}: media at surfaces are not written as pbrt text", mesh.name);
   return {};
 }
 
@@ -210,10 +211,38 @@ Status PbrtSink::write_whole(const std::string& name, const std::string& text) {
   return file.commit();
 }
 
-Result<ImageId> PbrtSink::add_image(const fs::path& file, cache::TexelEncoding) {
+std::string PbrtSink::in_folder(const fs::path& file) const {
   std::error_code code;
   const fs::path relative = fs::relative(file, folder_, code);
-  images_.push_back(code || relative.empty() ? fs::absolute(file).string() : relative.string());
+  return code || relative.empty() ? fs::absolute(file).string() : relative.string();
+}
+
+Result<uint32_t> PbrtSink::add_volume(const pipeline::VolumeInput& volume) {
+  if (volume.file.empty()) return error("{}: only grids of files are written as pbrt text", volume.name);
+  volumes_.emplace_back(in_folder(volume.file), volume.grid);
+  return static_cast<uint32_t>(volumes_.size() - 1);
+}
+
+Result<uint32_t> PbrtSink::add_medium(const pipeline::MediumInput& input) {
+  const pipeline::Medium& m = input.medium;
+  const Affine3 identity;
+  if (m.kind != pipeline::MediumKind::grid || m.glow_kind != pipeline::GlowKind::none ||
+      std::memcmp(&input.world_from_medium, &identity, sizeof identity) != 0)
+    return error("medium {}: only grids that neither glow nor are moved are written as pbrt text", input.name);
+  const auto& [file, grid] = volumes_[m.density_volume];
+  media_ += fmt::format(
+      "MakeNamedMedium \"{}\" \"string type\" \"openvdb\" \"string filename\" \"{}\" \"string densityname\" \"{}\"{}{}{}\n",
+      input.name, file, grid, rgb("sigma_a", m.sigma_a), rgb("sigma_s", m.sigma_s), number("g", m.g));
+  medium_names_.push_back(input.name);
+  return static_cast<uint32_t>(medium_names_.size() - 1);
+}
+
+std::string PbrtSink::medium_name(uint32_t medium) const {
+  return medium == pipeline::kNoMedium ? "" : medium_names_[medium];
+}
+
+Result<ImageId> PbrtSink::add_image(const fs::path& file, cache::TexelEncoding) {
+  images_.push_back(in_folder(file));
   return ImageId{static_cast<uint32_t>(images_.size() - 1)};
 }
 
@@ -294,10 +323,22 @@ Status PbrtSink::sync_folder() const {
 
 Status PbrtSink::add_mesh(const pipeline::MeshInput& mesh) {
   SPILLWAY_TRY(check_written(mesh));
+  if (mesh.divides_media) return add_hull(mesh);
   const std::string name = "geometry/" + mesh.name + ".ply";
   const Status written = write_ply(name, mesh);
   if (!written) return with_progress(written.error());
   return add_shape(mesh, fmt::format("Shape \"plymesh\" \"string filename\" \"{}\"\n", name));
+}
+
+// Where a medium begins, and nothing else.
+Status PbrtSink::add_hull(const pipeline::MeshInput& mesh) {
+  if (mesh.object != 0) return error("{}: media of objects are not written as pbrt text", mesh.name);
+  hulls_ += fmt::format("AttributeBegin\nMediumInterface \"{}\" \"{}\"\nMaterial \"interface\"\n",
+                        medium_name(mesh.medium_inside), medium_name(mesh.medium_outside));
+  hulls_ += "Shape \"trianglemesh\" \"point3 P\" [";
+  for (const Float3 p : mesh.positions) hulls_ += fmt::format(" {} {} {}", p.x, p.y, p.z);
+  hulls_ += fmt::format(" ]\n  \"integer indices\" [ {} ]\nAttributeEnd\n", fmt::join(mesh.indices, " "));
+  return {};
 }
 
 Status PbrtSink::add_subdivision(const pipeline::SubdivisionInput& s) {
@@ -351,9 +392,12 @@ Status PbrtSink::finish() {
 }
 
 Status PbrtSink::write_main(const std::string& name, const pipeline::SceneSettings& settings) {
-  std::string main = settings_text(settings) + "\nWorldBegin\n" + lights_ + "Include \"materials.pbrt\"\n";
+  std::string main = media_;  // in the world's space
+  if (const uint32_t around = settings.render.camera_medium; around != pipeline::kNoMedium)
+    main += fmt::format("MediumInterface \"{0}\" \"{0}\"\n", medium_name(around));
+  main += settings_text(settings) + "\nWorldBegin\n" + lights_ + "Include \"materials.pbrt\"\n";
   if (!objects_.empty()) main += "Include \"objects.pbrt\"\n";
-  main += "Include \"geometry.pbrt\"\nInclude \"instances.pbrt\"\n";
+  main += "Include \"geometry.pbrt\"\nInclude \"instances.pbrt\"\n" + hulls_;
   return write_whole(name, main);
 }
 

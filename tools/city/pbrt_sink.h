@@ -1,6 +1,6 @@
 #pragma once
 
-// A scene sink that writes pbrt-v4's text and binary PLY files, without any extension but cages and .facetex files.
+// A scene sink that writes pbrt-v4's text and binary PLY files, without any extension but cages, .facetex and .vdb files.
 //
 // Owns: the folder's files: materials.pbrt, objects.pbrt, geometry.pbrt, instances.pbrt, geometry/*.ply,
 //       textures/*.facetex, and the main file, which is written last, so that a scene that is half there does not look
@@ -34,6 +34,9 @@ class PbrtSink final : public pipeline::SceneSink {
   Status add_light(const shading::Light& light) override;
   Status add_environment(const shading::Light& light, ImageId image) override;
   Status add_portal(const shading::Portal&) override { return error("portals are not written as pbrt text"); }
+  // Of grids of .vdb files, and media of one grid that scatters alike everywhere; before the settings.
+  Result<uint32_t> add_volume(const pipeline::VolumeInput& volume) override;
+  Result<uint32_t> add_medium(const pipeline::MediumInput& medium) override;
   uint32_t begin_object(std::string name) override;
   Status add_mesh(const pipeline::MeshInput& mesh) override;
   Status add_subdivision(const pipeline::SubdivisionInput& subdivision) override;
@@ -65,6 +68,9 @@ class PbrtSink final : public pipeline::SceneSink {
   PbrtSink() = default;
   Status append(Text& text, const std::string& line);
   Status close(Text& text);
+  Status add_hull(const pipeline::MeshInput& mesh);
+  [[nodiscard]] std::string medium_name(uint32_t medium) const;
+  [[nodiscard]] std::string in_folder(const std::filesystem::path& file) const;
   Status add_shape(const pipeline::MeshInput& mesh, const std::string& shape);
   Status write_main(const std::string& name, const pipeline::SceneSettings& settings);
   Status write_whole(const std::string& name, const std::string& text);
@@ -73,8 +79,9 @@ class PbrtSink final : public pipeline::SceneSink {
   [[nodiscard]] Error with_progress(const Error& problem) const;
 
   std::filesystem::path folder_;
-  std::string main_name_, materials_, lights_;
-  std::vector<std::string> images_, material_names_;
+  std::string main_name_, media_, materials_, lights_, hulls_;
+  std::vector<std::string> images_, material_names_, medium_names_;
+  std::vector<std::pair<std::string, std::string>> volumes_;  // file and grid
   std::vector<Object> objects_;
   std::vector<Painted> face_textures_;
   uint32_t texture_count_ = 0, container_count_ = 0;

@@ -56,6 +56,7 @@ void smokestack(Mason& m, Vec2 at, double z0, double height) {
   }
   cone(m.g, Surface::brick_dark, f, sides, r * 0.72, height - 0.8, r * 0.72, height);
   disk(m.g, Surface::trim_dark, f, sides, r * 0.66, height - 0.4);
+  m.g.add_chimney({{at.x, at.y, z0 + height}, r * 0.62});
 }
 
 void tank(Mason& m, Vec2 at, double z0) {

@@ -242,7 +242,9 @@ class Importer {
   Status camera(Tokenizer& tokens, const Token& directive) {
     options_.camera_from_world = state_.transform, options_.camera_from_world_end = state_.transform_end;
     systems_["camera"] = {state_.transform.inverse(), state_.transform_end.inverse()};
-    SPILLWAY_ASSIGN(options_.camera_medium, world_.find_medium(state_.media.outside));
+    if (says_medium_) {
+      SPILLWAY_ASSIGN(options_.camera_medium, world_.find_medium(state_.media.outside));
+    }
     return wait(tokens, directive, options_.camera);
   }
   Status film(Tokenizer& tokens, const Token& directive) { return wait(tokens, directive, options_.film); }
@@ -294,6 +296,7 @@ class Importer {
 
   Status medium_interface(Tokenizer& tokens, const Token& directive) {
     SPILLWAY_ASSIGN(state_.media, read_medium_interface(tokens, directive));
+    says_medium_ = true;
     return {};
   }
 
@@ -332,6 +335,7 @@ class Importer {
   std::map<std::string, NamedSystem> systems_;
   SceneOptions options_;
   bool in_world_ = false;
+  bool says_medium_ = false;  // MediumInterface was given
 };
 
 const std::array<Importer::Directive, 40> Importer::kDirectives = {{

@@ -79,25 +79,64 @@ Status read_spot(Session& session, const ParamList& params, Place place, const T
   return {};
 }
 
-// Without an image a goniometric light is a point.
-Status read_goniometric(Session& session, const ParamList& params, Place place, const Transform& world_from_light,
-                        Light& light) {
-  if (params.find(ParamType::string, "filename") != nullptr)
-    SPILLWAY_TRY(session.replaced(place, "light \"goniometric\" with an image", "a \"point\""));
-  return read_point(session, params, world_from_light, light);
+// What a light may have besides itself.
+struct LightExtras {
+  const Parameter* file = nullptr;  // of its image
+  Float3 axis[3];                   // of lights that throw it, see shading::LightImage
+  float tangent = 0;
+  bool is_power = false;
+};
+
+// The light's own axes in the world: rows of the rotation that takes the world there.
+Status read_axes(Place place, const Transform& world_from_light, const char* what, Float3* const (&axes)[3]) {
+  if (!world_from_light.keeps_angles()) return error_at(place, "the transform of {} must keep angles", what);
+  const Transform light_from_world = world_from_light.inverse();
+  for (int row = 0; row < 3; ++row) {
+    const double* m = light_from_world.m[row];
+    const double size = std::hypot(m[0], m[1], m[2]);
+    *axes[row] = rounded({m[0] / size, m[1] / size, m[2] / size});
+  }
+  return {};
 }
 
-Status read_projection(Session& session, const ParamList& params, Place place, const Transform& world_from_light,
-                       Light& light) {
-  SPILLWAY_TRY(session.replaced(place, "light \"projection\"", "a \"spot\" as wide as its field of view"));
-  (void)params.find(ParamType::string, "filename");
+// Its power is what the texels come to, once they are read.
+Status read_power(const ParamList& params, Light& light, LightExtras& extras) {
+  SPILLWAY_ASSIGN(const float power, params.real("power", -1));
+  extras.is_power = power > 0;
+  if (extras.is_power) light.radiance = light.radiance * power;
+  return {};
+}
+
+// Without an image a goniometric light is a point. pbrt turns the image's pole to the light's y.
+Status read_goniometric(Session& session, const ParamList& params, Place place, const Transform& world_from_light,
+                        Light& light, LightExtras& extras) {
+  extras.file = params.find(ParamType::string, "filename");
+  if (extras.file == nullptr) return read_point(session, params, world_from_light, light);
+  SPILLWAY_TRY(expect_count(*extras.file, extras.file->strings.size(), 1));
+  light.kind = LightKind::goniometric;
+  light.position = rounded(world_from_light.point({0, 0, 0}));
+  SPILLWAY_TRY(
+      read_axes(place, world_from_light, "a goniometric light", {&extras.axis[0], &extras.axis[2], &extras.axis[1]}));
+  SPILLWAY_ASSIGN(light.radiance, light_color(session, params, "I"));
+  return read_power(params, light, extras);
+}
+
+// Along z, the image's top at the light's y.
+Status read_projection(const ParamList& params, Place place, const Transform& world_from_light, Light& light,
+                       LightExtras& extras) {
+  extras.file = params.find(ParamType::string, "filename");
+  if (extras.file == nullptr) return error_at(place, "light \"projection\" without \"string filename\"");
+  SPILLWAY_TRY(expect_count(*extras.file, extras.file->strings.size(), 1));
   SPILLWAY_ASSIGN(const float fov_deg, params.real("fov", 90));
   if (!(fov_deg > 0 && fov_deg < 180)) return error_at(place, "\"fov\" must be between 0 and 180 degrees");
-  SPILLWAY_TRY(read_point(session, params, world_from_light, light));
-  light.kind = LightKind::spot;
-  SPILLWAY_ASSIGN(light.edge1, unit_axis(params, place, world_from_light));
-  light.cos_total = light.cos_falloff = std::cos(fov_deg * (kPi / 360));
-  return {};
+  light.kind = LightKind::projection;
+  light.position = rounded(world_from_light.point({0, 0, 0}));
+  SPILLWAY_TRY(read_axes(place, world_from_light, "a projection", {&extras.axis[0], &extras.axis[1], &extras.axis[2]}));
+  extras.axis[1] = -extras.axis[1];
+  light.edge1 = extras.axis[2];
+  extras.tangent = std::tan(fov_deg * (kPi / 360));
+  light.radiance = {1, 1, 1};
+  return read_power(params, light, extras);
 }
 
 Status read_distant(Session& session, const ParamList& params, Place place, const Transform& world_from_light,
@@ -110,30 +149,24 @@ Status read_distant(Session& session, const ParamList& params, Place place, cons
   return {};
 }
 
-// The image in the light's frame: its axes are rows of the rotation that takes the world there.
+// The image in the light's frame.
 Status read_environment(const ParamList& params, const Parameter& file, Place place,
                         const Transform& world_from_light, Light& light) {
   SPILLWAY_TRY(expect_count(file, file.strings.size(), 1));
-  if (!world_from_light.keeps_angles())
-    return error_at(place, "the transform of an infinite light with an image must keep angles");
+  SPILLWAY_TRY(read_axes(place, world_from_light, "an infinite light with an image",
+                         {&light.position, &light.edge1, &light.edge2}));
   if (const Parameter* illuminance = params.find(ParamType::real, "illuminance"))
     return error_at(illuminance->place, "\"illuminance\" of an image is not supported: use \"scale\"");
-  const Transform light_from_world = world_from_light.inverse();
-  Float3* const axes[3] = {&light.position, &light.edge1, &light.edge2};
-  for (int row = 0; row < 3; ++row) {
-    const double* m = light_from_world.m[row];
-    const double size = std::hypot(m[0], m[1], m[2]);
-    *axes[row] = rounded({m[0] / size, m[1] / size, m[2] / size});
-  }
   light.radiance = {1, 1, 1};
-  light.has_image = 1;
+  light.image = 1;
   return {};
 }
 
-Status read_infinite(Session& session, const ParamList& params, Place place, const Transform& world_from_light, Light& light) {
+Status read_infinite(Session& session, const ParamList& params, Place place, const Transform& world_from_light,
+                     Light& light, LightExtras& extras) {
   light.kind = LightKind::infinite;
-  if (const Parameter* file = params.find(ParamType::string, "filename"))
-    return read_environment(params, *file, place, world_from_light, light);
+  extras.file = params.find(ParamType::string, "filename");
+  if (extras.file != nullptr) return read_environment(params, *extras.file, place, world_from_light, light);
   SPILLWAY_ASSIGN(light.radiance, light_color(session, params, "L"));
   SPILLWAY_ASSIGN(const float illuminance, params.real("illuminance", -1));
   if (illuminance > 0) light.radiance = light.radiance * (illuminance / kPi);  // of a hemisphere of radiance 1
@@ -154,56 +187,91 @@ Result<shading::Portal> read_portal(const Parameter& given) {
   return shading::Portal{p[0], across, up, 0};
 }
 
-Status send(Session& session, const ParamList& params, const Light& light) {
-  if (light.has_image == 0) return session.sink.add_light(light);
-  const std::string& name = params.find(ParamType::string, "filename")->strings[0];
-  SPILLWAY_ASSIGN(const ImageId image, session.sink.add_image(session.resolved(name), default_encoding(name)));
+Result<ImageId> add_image(Session& session, const Parameter& file) {
+  const std::string& name = file.strings[0];
+  const Result<ImageId> image = session.sink.add_image(session.resolved(name), default_encoding(name));
+  if (!image) return error_at(file.place, "{}", image.error().message);
   ++session.report.image_count;
-  return session.sink.add_environment(light, image);
+  return image;
+}
+
+Status send(Session& session, const std::string& type, Place place, const Light& light, const LightExtras& extras) {
+  const auto said = [&](const Status& status) -> Status {
+    return status ? status : error_at(place, "{}", status.error().message);
+  };
+  if (extras.file == nullptr) return said(session.sink.add_light(light));
+  SPILLWAY_ASSIGN(const ImageId image, add_image(session, *extras.file));
+  if (!shading::throws_image(light)) return said(session.sink.add_environment(light, image));
+  pipeline::ImageLightInput input{
+      fmt::format("{}: light \"{}\"", to_string(place), type), light, image, {}, extras.tangent, extras.is_power};
+  std::copy(std::begin(extras.axis), std::end(extras.axis), input.axis);
+  return session.sink.add_image_light(input);  // its errors begin with the name
+}
+
+Status read_light(Session& session, const std::string& type, const ParamList& params, Place place,
+                  const Transform& world_from_light, Light& light, LightExtras& extras) {
+  if (type == "point") return read_point(session, params, world_from_light, light);
+  if (type == "spot") return read_spot(session, params, place, world_from_light, light);
+  if (type == "distant") return read_distant(session, params, place, world_from_light, light);
+  if (type == "infinite") return read_infinite(session, params, place, world_from_light, light, extras);
+  if (type == "goniometric") return read_goniometric(session, params, place, world_from_light, light, extras);
+  return read_projection(params, place, world_from_light, light, extras);
+}
+
+bool is_light(const std::string& type) {
+  for (const char* known : {"point", "spot", "distant", "infinite", "goniometric", "projection"})
+    if (type == known) return true;
+  return false;
+}
+
+// As in pbrt, the whole image over the parametrisation, clamped, the finest level.
+Result<TextureId> emitted_image(Session& session, const Parameter& file) {
+  SPILLWAY_TRY(expect_count(file, file.strings.size(), 1));
+  SPILLWAY_ASSIGN(const ImageId image, add_image(session, file));
+  pipeline::TextureNode node;
+  node.kind = pipeline::TextureKind::image, node.image = image.value, node.wrap = cache::WrapMode::clamp;
+  std::fill(std::begin(node.value), std::end(node.value), 1.0f);
+  const Result<TextureId> texture = session.sink.add_texture(node);
+  if (!texture) return error_at(file.place, "{}", texture.error().message);
+  return texture;
 }
 
 }  // namespace
 
 Result<AreaEmission> read_area_light(Session& session, const std::string& type, const ParamList& params, Place place) {
   if (type != "diffuse") return error_at(place, "area light \"{}\" is not known: use \"diffuse\"", type);
-  if (const Parameter* file = params.find(ParamType::string, "filename")) {
-    SPILLWAY_TRY(session.replaced(file->place, "an area light with an image", "its \"L\""));
-  }
   AreaEmission emission;
-  SPILLWAY_ASSIGN(const Rgb color, light_color(session, params, "L"));
+  SPILLWAY_ASSIGN(const std::optional<Rgb> given, given_light_color(session, params, "L"));
+  const Rgb color = given.value_or(Rgb{1, 1, 1});
+  const Parameter* file = params.find(ParamType::string, "filename");
+  if (file != nullptr && given) return error_at(file->place, "an area light has an \"L\" or an image, not both");
   SPILLWAY_ASSIGN(const float scale, read_scale(params));
   emission.radiance = color * scale;
   SPILLWAY_ASSIGN(emission.two_sided, params.boolean("twosided", false));
   SPILLWAY_ASSIGN(const float power, params.real("power", -1));
   emission.power = std::max(power, 0.0f);
   SPILLWAY_TRY(params.check_all_used(session, "AreaLightSource \"diffuse\""));
+  if (file != nullptr) {
+    SPILLWAY_ASSIGN(emission.image, emitted_image(session, *file));
+  }
   return emission;
 }
 
 Status add_light(Session& session, const std::string& type, const ParamList& params, Place place,
                  const Transform& world_from_light) {
+  if (!is_light(type))
+    return session.ignorable(
+        place, "light \"{}\" is not known: use infinite, distant, point, spot, goniometric or projection", type);
   Light light{};
-  if (type == "point")
-    SPILLWAY_TRY(read_point(session, params, world_from_light, light));
-  else if (type == "spot")
-    SPILLWAY_TRY(read_spot(session, params, place, world_from_light, light));
-  else if (type == "distant")
-    SPILLWAY_TRY(read_distant(session, params, place, world_from_light, light));
-  else if (type == "infinite")
-    SPILLWAY_TRY(read_infinite(session, params, place, world_from_light, light));
-  else if (type == "goniometric")
-    SPILLWAY_TRY(read_goniometric(session, params, place, world_from_light, light));
-  else if (type == "projection")
-    SPILLWAY_TRY(read_projection(session, params, place, world_from_light, light));
-  else
-    return session.ignorable(place, "light \"{}\" is not known: use infinite, distant, point or spot", type);
+  LightExtras extras;
+  SPILLWAY_TRY(read_light(session, type, params, place, world_from_light, light, extras));
   SPILLWAY_ASSIGN(const float scale, read_scale(params));
   light.radiance = light.radiance * scale;
   const Parameter* portal = light.kind == LightKind::infinite ? params.find(ParamType::point3, "portal") : nullptr;
   SPILLWAY_TRY(params.check_all_used(session, fmt::format("LightSource \"{}\"", type)));
   const bool finite = is_finite(light.radiance) && is_finite(light.position) && is_finite(light.edge1) && is_finite(light.edge2);
   if (!finite) return error_at(place, "light \"{}\" is not finite", type);
-  if (const Status added = send(session, params, light); !added) return error_at(place, "{}", added.error().message);
+  SPILLWAY_TRY(send(session, type, place, light, extras));
   ++session.report.light_count;
   if (portal == nullptr) return {};
   SPILLWAY_ASSIGN(const shading::Portal rectangle, read_portal(*portal));

@@ -15,6 +15,7 @@ struct AreaEmission {
   Rgb radiance{0, 0, 0};
   float power = 0;  // above 0: each triangle is scaled to emit radiance * power / (pi * its emitting area)
   bool two_sided = false;
+  TextureId image;  // multiplies the radiance; with power, by its mean
 };
 Result<AreaEmission> read_area_light(Session& session, const std::string& type, const ParamList& params, Place place);
 

@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "tools/import/colors.h"
+#include "tools/import/measured_media.h"
 #include "tools/import/spectra.h"
 
 namespace spillway::tools {
@@ -24,14 +25,25 @@ Result<Rgb> read_coefficient(Session& session, const ParamList& params, std::str
 // pbrt's default is a marble per millimetre; grids scatter and absorb evenly.
 constexpr Rgb kMarbleAbsorption{0.0011f, 0.0024f, 0.014f}, kMarbleScattering{2.55f, 3.21f, 3.77f};
 
+// Wins over coefficients that are given, as in pbrt.
+Result<std::optional<MeasuredMedium>> read_preset(Session& session, const ParamList& params) {
+  SPILLWAY_ASSIGN(const std::string name, params.string("preset", ""));
+  if (name.empty()) return std::optional<MeasuredMedium>();
+  const std::optional<MeasuredMedium> known = measured_medium(name);
+  if (!known)
+    SPILLWAY_TRY(session.ignorable(params.find(ParamType::string, "preset")->place,
+                                   "there is no measured medium \"{}\": give sigma_a and sigma_s", name));
+  return known;
+}
+
 Status read_coefficients(Session& session, const ParamList& params, Medium& medium) {
-  if (const Parameter* preset = params.find(ParamType::string, "preset"))
-    SPILLWAY_TRY(session.ignorable(preset->place, "measured media are not supported: give sigma_a and sigma_s"));
+  SPILLWAY_ASSIGN(const std::optional<MeasuredMedium> measured, read_preset(session, params));
   const bool grid = medium.kind == MediumKind::grid;
   SPILLWAY_ASSIGN(const float scale, params.real("scale", 1));
   SPILLWAY_ASSIGN(const Rgb sigma_a, read_coefficient(session, params, "sigma_a", grid ? Rgb{1, 1, 1} : kMarbleAbsorption));
   SPILLWAY_ASSIGN(const Rgb sigma_s, read_coefficient(session, params, "sigma_s", grid ? Rgb{1, 1, 1} : kMarbleScattering));
-  medium.sigma_a = sigma_a * scale, medium.sigma_s = sigma_s * scale;
+  medium.sigma_a = (measured ? measured->sigma_a : sigma_a) * scale;
+  medium.sigma_s = (measured ? measured->sigma_s : sigma_s) * scale;
   SPILLWAY_ASSIGN(medium.g, params.real("g", 0));
   return {};
 }

@@ -23,7 +23,7 @@ struct SceneOptions {
   std::optional<Waiting> camera, film, filter, sampler, integrator;
   Transform camera_from_world, camera_from_world_end;  // at the two times of `motion`
   pipeline::MotionSettings motion;
-  uint32_t camera_medium = pipeline::kNoMedium;  // that the camera stands in
+  uint32_t camera_medium = pipeline::kMediumUnsaid;  // that the camera stands in
   int32_t seed = 0;
   ColorSpace color_space = ColorSpace::srgb;  // at WorldBegin
 };

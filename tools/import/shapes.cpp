@@ -214,6 +214,7 @@ Status send_cage(Session& session, ReadShape& shape, MeshInput input) {
     input.emits = true;
     input.emission = shape.state.emission->radiance;
     input.emits_two_sided = shape.state.emission->two_sided;
+    input.emission_texture = shape.state.emission->image;
   }
   input.positions = shape.mesh.positions, input.uvs = shape.mesh.uvs, input.indices = shape.mesh.indices;
   const pipeline::SubdivisionInput subdivision{input,      cage.corner_counts, cage.uv_indices, cage.sharp_edges, cage.sharp_vertices,
@@ -278,6 +279,8 @@ Status send_shape(Session& session, ReadShape shape) {
   input.emits = true;
   input.emission = state.emission->radiance;
   input.emits_two_sided = state.emission->two_sided;
+  input.emission_texture = state.emission->image;
+  input.emission_is_mean = state.emission->image.valid() && state.emission->power > 0;
   if (state.emission->power > 0) {
     const std::string& type = shape.type;
     if (type == "trianglemesh" || type == "plymesh" || type == "loopsubdiv")

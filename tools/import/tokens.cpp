@@ -8,6 +8,7 @@
 namespace spillway::tools {
 namespace {
 
+constexpr size_t kFirstPieceBytes = 8 << 10;  // most files that are included are small
 constexpr size_t kPieceBytes = 256 << 10;
 
 bool is_space(int c) { return c == ' ' || c == '\t' || c == '\n' || c == '\r' || c == '\f' || c == '\v'; }
@@ -69,7 +70,7 @@ std::unique_ptr<Tokenizer> Tokenizer::from_text(std::string text, const std::str
 }
 
 Status Tokenizer::fill() {
-  piece_.resize(kPieceBytes);
+  piece_.resize(piece_.empty() ? kFirstPieceBytes : kPieceBytes);
   piece_.resize(std::fread(piece_.data(), 1, piece_.size(), file_.get()));
   next_byte_ = 0;
   read_failed_ = std::ferror(file_.get()) != 0;
