@@ -249,7 +249,7 @@ def size(bench):
 SWITCHES = [
     ('as planned', []), ('rays not|sorted', ['--no-sort-rays']), ('hits not|sorted', ['--no-sort-hits']), ('hits sorted|by 16 Ki', ['--hit-batch', 16384]),
     ('no reading|ahead', ['--no-read-ahead']), ('resident pages|not first', ['--no-resident-first']),
-    ('waiting rays|not parked', ['--no-park-rays']), ('waves not|topped up', ['--no-top-up']), ('spill|forced', ['--spill', 'always']), ('spill|forbidden', ['--spill', 'never']),
+    ('waiting rays|not parked', ['--no-park-rays']), ('pages known|by boxes alone', ['--no-page-tops']), ('waves not|topped up', ['--no-top-up']), ('spill|forced', ['--spill', 'always']), ('spill|forbidden', ['--spill', 'never']),
     ('waves of|64 Ki', ['--wave-paths', 1 << 16]), ('waves of|1 Mi', ['--wave-paths', 1 << 20]),
 ]
 

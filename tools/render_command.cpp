@@ -38,7 +38,7 @@ struct RenderArguments {
   double time_limit = 0, error = 0;
   bool has_seed = false, independent = false, aovs = false, halves = false, costs = false, direct = false,
        no_sort_rays = false, no_sort_hits = false, no_roulette = false, json = false;
-  bool no_read_ahead = false, no_resident_first = false, no_park = false, no_top_up = false;
+  bool no_read_ahead = false, no_resident_first = false, no_park = false, no_tops = false, no_top_up = false;
   uint32_t hit_batch = 0;
   std::string access_log;
   RenderOptions options;  // the sizes
@@ -99,6 +99,7 @@ Result<RenderOptions> render_options(const RenderArguments& arguments, const Sto
   options.read_ahead = !arguments.no_read_ahead;
   options.resident_first = !arguments.no_resident_first;
   options.park_rays = !arguments.no_park;
+  options.page_tops = !arguments.no_tops;
   options.top_up_waves = !arguments.no_top_up;
   options.direct_io = arguments.direct;
   options.scratch_directory = arguments.scratch;
@@ -298,6 +299,7 @@ void add_performance(CLI::App& command, RenderArguments& a) {
   command.add_option("--hit-batch", a.hit_batch, "sort the hits of so many rays together [of the wave]");
   command.add_flag("--no-read-ahead", a.no_read_ahead, "read a page when the sweep comes to it");
   command.add_flag("--no-resident-first", a.no_resident_first, "sweep resident pages with the others");
+  command.add_flag("--no-page-tops", a.no_tops, "know the boxes alone of pages that are not in memory");
   command.add_flag("--no-park-rays", a.no_park, "sweep in every wave, however few of its rays wait for pages");
   command.add_flag("--no-top-up", a.no_top_up, "begin new paths when the last ones have ended");
 }

@@ -42,6 +42,7 @@ struct RenderOptions {
   bool read_ahead = true;            // off: a page is read when the sweep comes to it (ablation)
   bool resident_first = true;        // off: resident pages are swept in file order with the others (ablation)
   bool park_rays = true;             // off: every wave sweeps, however few of its rays wait for pages (ablation)
+  bool page_tops = true;             // off: of a page that is not in memory only its box is known (ablation)
   bool top_up_waves = true;          // off: new paths begin when the last ones have ended (ablation)
   AccessLog* access_log = nullptr;   // what each wave needs and reads is added here; costs a walk a ray
   uint64_t spill_block_bytes = 1 << 19;   // larger: longer requests, more buffer memory

@@ -43,7 +43,7 @@ cache::PartStore::Options part_options(const RenderState& state, MemoryTag tag, 
 
 // Of each page; none when all fit, or pages are small.
 uint32_t top_nodes(const RenderState& state) {
-  if (state.plan.pages_fit || state.store.pages().empty()) return 0;
+  if (state.plan.pages_fit || state.store.pages().empty() || !state.options.page_tops) return 0;
   return static_cast<uint32_t>(state.plan.page_top_bytes / state.store.pages().size() / sizeof(cache::TraceNode));
 }
 

@@ -24,7 +24,7 @@ class AccessLogTest : public testing::Test {
     o.settings = store_->settings();
     o.settings.render.samples_per_pixel = 16;
     o.plan = plan;
-    o.park_rays = false;  // which a replay does not know
+    o.park_rays = o.page_tops = false;  // which a replay does not know
     o.access_log = log;
     o.scratch_directory = directory_.path();
     return o;

@@ -265,6 +265,9 @@ TEST_F(SameBits, when_rays_that_wait_for_pages_are_parked_and_when_not) {
   EXPECT_EQ(swept.report.route.escaped_count, parked.report.route.escaped_count);
   EXPECT_EQ(swept.report.route.arrived_count, parked.report.route.arrived_count);
   EXPECT_GT(swept.report.trace.pages_touched, parked.report.trace.pages_touched);
+  o.page_tops = false;
+  EXPECT_EQ(render(o, 2).report.image_hash, hash_);
+  o.page_tops = true;
   o.park_rays = true, o.top_up_waves = false;
   EXPECT_EQ(render(o, 2).report.image_hash, hash_);
 }
