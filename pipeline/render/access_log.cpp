@@ -10,15 +10,15 @@ namespace spillway::pipeline {
 namespace {
 
 constexpr const char* kKind = "SPWACCES";
-constexpr uint32_t kVersion = 2;
+constexpr uint32_t kVersion = 3;
 constexpr uint64_t kMostWaves = 1 << 24;
 
 using List = std::vector<uint32_t>;
-constexpr std::array<List WaveAccess::*, 8> kLists = {
-    &WaveAccess::camera_pages,  &WaveAccess::continued_pages,      &WaveAccess::shadow_pages,
-    &WaveAccess::sampled_pages, &WaveAccess::attribute_blocks,     &WaveAccess::swept_pages,
-    &WaveAccess::read_pages,    &WaveAccess::read_attribute_blocks};
-constexpr std::array<bool, 8> kOfAttributes = {false, false, false, false, true, false, false, true};
+constexpr std::array<List WaveAccess::*, 7> kLists = {&WaveAccess::camera_pages,         &WaveAccess::continued_pages,
+                                                      &WaveAccess::shadow_pages,         &WaveAccess::attribute_blocks,
+                                                      &WaveAccess::swept_pages,          &WaveAccess::read_pages,
+                                                      &WaveAccess::read_attribute_blocks};
+constexpr std::array<bool, 7> kOfAttributes = {false, false, false, true, false, false, true};
 
 void put(std::vector<std::byte>& bytes, const List& list) {
   put_number(bytes, list.size());

@@ -33,8 +33,8 @@ struct WaveFacts {
 
 struct WaveAccess {
   WaveFacts facts;
-  // Needed: pages by rays from the camera, by paths that go on, by shadow rays that arrived; and by every 64th ray.
-  std::vector<uint32_t> camera_pages, continued_pages, shadow_pages, sampled_pages;
+  // Needed: pages by rays from the camera, by paths that go on, by shadow rays that arrived.
+  std::vector<uint32_t> camera_pages, continued_pages, shadow_pages;
   std::vector<uint32_t> attribute_blocks;
   // Visited by the sweep, resident or not, and read.
   std::vector<uint32_t> swept_pages, read_pages, read_attribute_blocks;

@@ -170,35 +170,28 @@ class LogSets {
 };
 
 struct Needs {
-  std::vector<bool> pages, sampled, blocks;
+  std::vector<bool> pages, blocks;
 };
 
 Needs needs_of(const AccessLog& log, const LogSets& sets, const PlannedWave& wave) {
-  Needs n{std::vector<bool>(log.page_bytes.size()), std::vector<bool>(log.page_bytes.size()),
-          std::vector<bool>(log.attribute_bytes.size())};
+  Needs n{std::vector<bool>(log.page_bytes.size()), std::vector<bool>(log.attribute_bytes.size())};
   sets.add(wave.begun, &WaveAccess::camera_pages, n.pages);
-  sets.add(wave.begun, &WaveAccess::sampled_pages, n.sampled);
   sets.add(wave.begun, &WaveAccess::attribute_blocks, n.blocks);
   for (const PathRange& range : wave.going_on) {
     sets.add(range, &WaveAccess::continued_pages, n.pages);
     sets.add(range, &WaveAccess::shadow_pages, n.pages);
-    sets.add(range, &WaveAccess::sampled_pages, n.sampled);
     sets.add(range, &WaveAccess::attribute_blocks, n.blocks);
   }
   return n;
 }
 
-// One sweep over what is needed and not resident. Returns the bytes read. `asked`: residents that count as wanted.
-uint64_t sweep(cache::Residency& residency, const std::vector<uint64_t>& bytes, const std::vector<bool>& needed,
-               const std::vector<bool>& asked) {
+// One sweep over what is needed and not resident. Returns the bytes read.
+uint64_t sweep(cache::Residency& residency, const std::vector<uint64_t>& bytes, const std::vector<bool>& needed) {
   uint64_t read = 0;
   for (uint32_t part = 0; part < bytes.size(); ++part) {
-    if (residency.is_resident(part)) {
-      if (asked[part]) residency.ask(part);
-      continue;
-    }
     if (!needed[part]) continue;
     residency.ask(part);
+    if (residency.is_resident(part)) continue;
     read += bytes[part];
     if (residency.take_room(part)) residency.set_resident(part);
   }
@@ -250,8 +243,8 @@ Result<Replay> replay_access(const AccessLog& log, PlanOptions options, const Re
     for (uint32_t p = 0; p < needs.pages.size(); ++p)
       if (needs.pages[p] && !pages.is_resident(p)) swept_bytes += log.page_bytes[p];
     const uint64_t needed_bytes = bytes_of(log.page_bytes, needs.pages);
-    const uint64_t page_bytes = sweep(pages, log.page_bytes, needs.pages, needs.sampled);
-    const uint64_t block_bytes = sweep(blocks, log.attribute_bytes, needs.blocks, needs.blocks);
+    const uint64_t page_bytes = sweep(pages, log.page_bytes, needs.pages);
+    const uint64_t block_bytes = sweep(blocks, log.attribute_bytes, needs.blocks);
     replay.page_bytes += page_bytes, replay.attribute_bytes += block_bytes;
     replay.page_sweeps += page_bytes > 0 ? 1 : 0;
     const double swept_share =

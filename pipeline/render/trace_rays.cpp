@@ -12,8 +12,6 @@
 namespace spillway::pipeline {
 namespace {
 
-constexpr size_t kUseSample = 64;  // one ray in this many is logged apart, too
-
 void trace_all_resident(WaveRays& rays, size_t block) {
   parallel_blocks(rays.size(), block, [&](size_t, size_t first, size_t last) {
     VisitList visits;
@@ -34,7 +32,7 @@ void note_pages_used(WaveRays& rays) {
 
 // By the final hits and the boxes of pages alone, as if nothing were in memory or known: the same for any budget.
 void log_needed(const WaveRays& rays, size_t block, size_t camera_rays_from, WaveAccess& access) {
-  enum : uint8_t { camera = 1, continued = 2, shadow = 4, sampled = 8 };
+  enum : uint8_t { camera = 1, continued = 2, shadow = 4 };
   const uint32_t page_count = rays.page_count();
   const Buffer<cache::TracePageView> none(MemoryTag::rays, page_count);
   std::vector<std::atomic<uint8_t>> needed(page_count);
@@ -42,11 +40,7 @@ void log_needed(const WaveRays& rays, size_t block, size_t camera_rays_from, Wav
     VisitList visits;
     for (size_t i = first; i < last; ++i) {
       const uint32_t ray = rays.in_order(i);
-      if (rays.waits(ray)) continue;
-      const uint8_t kind = static_cast<uint8_t>((!rays.is_path(ray)        ? shadow
-                                                 : ray >= camera_rays_from ? camera
-                                                                           : continued) |
-                                                (i % kUseSample == 0 ? sampled : 0));
+      const uint8_t kind = !rays.is_path(ray) ? shadow : ray >= camera_rays_from ? camera : continued;
       for (const cache::PageVisit& visit : rays.pages_before_hit(ray, {none.data()}, visits))
         if ((needed[visit.page].load(std::memory_order_relaxed) & kind) != kind) needed[visit.page].fetch_or(kind);
     }
@@ -56,7 +50,6 @@ void log_needed(const WaveRays& rays, size_t block, size_t camera_rays_from, Wav
     if (kinds & camera) access.camera_pages.push_back(page);
     if (kinds & continued) access.continued_pages.push_back(page);
     if (kinds & shadow) access.shadow_pages.push_back(page);
-    if (kinds & sampled) access.sampled_pages.push_back(page);
   }
 }
 

@@ -300,8 +300,7 @@ TEST_F(SameBits, while_an_access_log_is_written) {
   for (size_t w = 0; w < whole.waves.size(); ++w) {
     const WaveAccess &a = whole.waves[w], &b = limited.waves[w];
     EXPECT_TRUE(a.camera_pages == b.camera_pages && a.continued_pages == b.continued_pages &&
-                a.shadow_pages == b.shadow_pages && a.sampled_pages == b.sampled_pages &&
-                a.attribute_blocks == b.attribute_blocks)
+                a.shadow_pages == b.shadow_pages && a.attribute_blocks == b.attribute_blocks)
         << w;
     for (const uint32_t page : b.read_pages) pages_read += limited.page_bytes[page];
     for (const uint32_t block : b.read_attribute_blocks) blocks_read += limited.attribute_bytes[block];
