@@ -257,10 +257,10 @@ class RenderLoop {
     SPILLWAY_TRY(route_hits(
         state_.inputs.settings,
         {wave.paths.hot, path_hits_, &wave.paths.cold, track_scratch_.path_results, costs.first(path_costs)},
-         {wave.shadows.hot, shadow_hits_, &wave.shadows.cold, track_scratch_.shadow_results, costs.subspan(path_costs),
-          wave.shadows.ends ? &*wave.shadows.ends : nullptr},
-         hits, *state_.film, route_scratch_, report_.route, {state_.options.sort_hits, state_.options.hit_batch_rays},
-         state_.costs.get()));
+        {wave.shadows.hot, shadow_hits_, &wave.shadows.cold, track_scratch_.shadow_results, costs.subspan(path_costs),
+         wave.shadows.ends ? &*wave.shadows.ends : nullptr},
+        hits, *state_.film, route_scratch_, report_.route, {state_.options.sort_hits, state_.options.hit_batch_rays},
+        state_.costs.get()));
     if (state_.plan.spills) order_ = {}, path_hits_ = {}, shadow_hits_ = {};
     return {};
   }

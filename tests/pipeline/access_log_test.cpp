@@ -60,8 +60,7 @@ TEST_F(AccessLogTest, what_is_written_comes_back) {
     const WaveAccess &a = log.waves[w], &b = back->waves[w];
     EXPECT_EQ(a.facts.path_count, b.facts.path_count);
     EXPECT_TRUE(a.camera_pages == b.camera_pages && a.continued_pages == b.continued_pages &&
-                a.shadow_pages == b.shadow_pages &&
-                a.swept_pages == b.swept_pages && a.read_pages == b.read_pages &&
+                a.shadow_pages == b.shadow_pages && a.swept_pages == b.swept_pages && a.read_pages == b.read_pages &&
                 a.attribute_blocks == b.attribute_blocks && a.read_attribute_blocks == b.read_attribute_blocks);
     read += b.read_pages.size();
   }
