@@ -10,7 +10,6 @@ namespace spillway::pipeline {
 namespace {
 
 constexpr const char* kKind = "SPWACCES";
-constexpr uint32_t kVersion = 3;
 constexpr uint64_t kMostWaves = 1 << 24;
 
 using List = std::vector<uint32_t>;

@@ -50,6 +50,8 @@ struct AccessFacts {
 
 class AccessLog {
  public:
+  static constexpr uint32_t kVersion = 3;  // of the file
+
   AccessFacts facts;
   std::vector<uint64_t> page_bytes, attribute_bytes;
   std::vector<WaveAccess> waves;

@@ -76,7 +76,7 @@ TEST_F(AccessLogTest, tiles_are_those_that_the_counters_count) {
     o.read_ahead_textures = read_ahead;
     const RenderReport report = render(o);
     ASSERT_TRUE(log.write(path_));
-    const auto file = cache::SectionReader::read(path_, "SPWACCES", 2, MemoryTag::scene);
+    const auto file = cache::SectionReader::read(path_, "SPWACCES", AccessLog::kVersion, MemoryTag::scene);
     ASSERT_TRUE(file) << file.error().message;
     const auto tile_bytes = file->array<uint32_t>("tile_bytes");
     ASSERT_TRUE(tile_bytes);
