@@ -86,15 +86,16 @@ HitRecord medium_hit(const cache::TraceRay& ray, const PathRecord& path, float d
   return record;
 }
 
+// Batches follow the order of rays; inside, the triangle comes first.
+static cache::SortKey key_in(const HitOrder& order, const HitRecord& hit, size_t ray) {
+  if (!order.is_sorted) return {uint64_t{hit.hit.prim == kMediumPrim} << 32 | ray, 0};
+  if (order.batch_rays == 0) return hit_key(hit);
+  return {uint64_t{ray / order.batch_rays} << 32 | hit.hit.prim, ray};
+}
+
 Status route_hits(const PathSettings& settings, const TracedPaths& paths, const TracedShadows& shadows,
                   cache::ExternalSort<HitRecord>& hits, Film& film, RouteHitsScratch& scratch, RouteHitsReport& report,
                   const HitOrder& order, PixelCosts* pixel_costs) {
-  // Batches follow the order of rays; inside, the triangle comes first.
-  const auto key_of = [&](const HitRecord& hit, size_t ray) {
-    if (!order.is_sorted) return cache::SortKey{uint64_t{hit.hit.prim == kMediumPrim} << 32 | ray, 0};
-    if (order.batch_rays == 0) return hit_key(hit);
-    return cache::SortKey{uint64_t{ray / order.batch_rays} << 32 | hit.hit.prim, ray};
-  };
   const bool has_outside_light = shading::has_infinite_light(settings.lights);
   const auto route_path = [&](size_t i, PathRecord path, RoutedBlock& out) {
     const cache::TraceRay& ray = paths.rays[i];
@@ -116,12 +117,12 @@ Status route_hits(const PathSettings& settings, const TracedPaths& paths, const 
       if (medium.distance < INFINITY) {
         ++out.medium_count;
         const HitRecord record = medium_hit(ray, path, medium.distance);
-        return out.emit(record, key_of(record, i), scratch);
+        return out.emit(record, key_in(order, record, i), scratch);
       }
     }
     if (hit.prim != PrimId::kNone) {
       const HitRecord record{hit, ray.direction_world, ray.t_max, path, 0};
-      out.emit(record, key_of(record, i), scratch);
+      out.emit(record, key_in(order, record, i), scratch);
     } else if (has_outside_light) {
       out.emit(escaped_splat(settings, path, ray.direction_world), scratch);
     }
@@ -148,10 +149,10 @@ Status route_hits(const PathSettings& settings, const TracedPaths& paths, const 
     } else if (hit.prim != PrimId::kNone) {
       ++out.alpha_shadow_count;
       const HitRecord record = shadow_hit(shadows.rays[i], hit, shadow, end);
-      out.emit(record, key_of(record, paths.rays.size() + i), scratch);
+      out.emit(record, key_in(order, record, paths.rays.size() + i), scratch);
     } else if (end.prim != PrimId::kNone) {
       const HitRecord record = arrived_hit(shadows.rays[i], shadow, end);
-      out.emit(record, key_of(record, paths.rays.size() + i), scratch);
+      out.emit(record, key_in(order, record, paths.rays.size() + i), scratch);
     } else {
       out.emit(SplatRecord{shadow.sink, shadow.sample, shadow_event(shadow.bounce), shadow.contribution}, scratch);
     }
