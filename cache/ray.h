@@ -31,7 +31,7 @@ static_assert(sizeof(TraceHit) == 24);
 
 enum TraceHitFlag : uint32_t {
   kHitAlphaUnknown = 1,  // the opacity micromap could not tell; shade_hits decides
-  kHitWaits = 4,         // the ray was not traced to its end: it waits for pages; the rest is meaningless
+  kHitWaits = 4,         // the ray was not traced to its end: it waits for pages; the hit is the nearest so far
   kHitOccluded = 2,      // shadow rays: something opaque lies in between; t, u, v, prim are then meaningless
 };
 

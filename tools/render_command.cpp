@@ -34,7 +34,7 @@ struct RenderArguments {
   std::string output, report, trace, scratch, spill = "auto";
   uint32_t spp = 0, seed = 0, threads = 0;
   int max_depth = -1, light_selection = -1, estimator = -1, texture_filter = -1, majorants = -1;
-  uint64_t wave_paths = 0;
+  uint64_t wave_paths = 0, parked_rays = 0;
   double time_limit = 0, error = 0;
   bool has_seed = false, independent = false, aovs = false, halves = false, costs = false, direct = false,
        no_sort_rays = false, no_sort_hits = false, no_roulette = false, json = false;
@@ -92,6 +92,7 @@ Result<RenderOptions> render_options(const RenderArguments& arguments, const Sto
   options.aov_layers = arguments.aovs;
   options.cost_layers = arguments.costs;
   options.plan.wave_paths = arguments.wave_paths;
+  options.plan.parked_rays = arguments.parked_rays;
   options.plan.spill = arguments.spill == "always" ? 1 : arguments.spill == "never" ? 0 : -1;
   options.sort_rays = !arguments.no_sort_rays;
   options.sort_hits = !arguments.no_sort_hits;
@@ -284,6 +285,8 @@ void add_performance(CLI::App& command, RenderArguments& a) {
   add_parsed(command, "--scratch-limit", a.options.scratch_limit_bytes, parse_bytes,
              "most bytes to spill at a time [what the disk has]");
   command.add_option("--wave-paths", a.wave_paths, "paths a wave [planned]")->check(CLI::Range(1u, 1u << 28));
+  command.add_option("--parked-rays", a.parked_rays, "rays of each kind that may wait for a sweep of pages [planned]")
+      ->check(CLI::Range(1u, 1u << 28));
   const auto share = [&](const char* name, uint64_t& into, const char* what) {
     add_parsed(command, name, into, parse_bytes, std::string("memory for ") + what + " [planned]");
   };

@@ -1,15 +1,18 @@
 #pragma once
 
-// Stage park_rays: rays that wait for pages leave the wave, until so many wait that a sweep is worth what it reads.
+// Stage park_rays: rays that wait for pages leave their wave for the lot, where one sweep of pages serves all of them.
 //
 // In:  columns of a wave, and its hits, some of them marked kHitWaits by trace_rays.
-// Out: those rays, given back to a later wave, which traces them from their beginnings and sweeps.
+// Out: those rays, traced to their ends where they lie; later waves take them back with their hits, a portion each, in the
+//      order of the triangles they hit, so that shading reads attributes in the order of their file.
 // Not: in scenes with media, or whose shadow rays carry more than these columns; where waves are spilled; while an access
 //      log is written.
-// Memory: tags rays and paths, for `limit` rays of each kind, at birth.
-// Order: as the rays of the wave; which wave a ray is in shows nowhere.
-// Why: a wave in memory is a few hundred thousand paths, and a few percent of its rays need most of the pages that are
-//      not: a sweep a wave read two MiB for some hundred rays.
+// Memory: tags rays and paths, kParkedBytesPerRay for each of `limit` rays of each kind, at birth; while a sweep is on,
+//         what trace_rays and sort_rays take besides.
+// Order: which wave a ray is in, and in which it is traced, shows nowhere.
+// Why: a wave in memory is a few hundred thousand paths at 640 bytes each, and a sweep reads most of the pages that are
+//      not there, however few rays need them. A ray in the lot takes a sixth of that.
+// Based on: the ray queues of Pharr et al. 1997, kept for all pages together instead of one a voxel.
 
 #include <algorithm>
 #include <array>
@@ -17,49 +20,74 @@
 
 #include "pipeline/records.h"
 #include "pipeline/render/shade_hits.h"
+#include "pipeline/render/sort_rays.h"
+#include "pipeline/render/trace_rays.h"
 
 namespace spillway::pipeline {
 
+// What a sweep traces.
+struct ParkedBatch {
+  std::span<const cache::TraceRay> rays;
+  std::span<cache::TraceHit> hits;
+  std::span<RayCost> costs;  // none when nobody asks
+};
+
+// Rays of one kind. Slots below end_ hold rays, but for those that were given back and not taken again since.
 template <class Record>
 class ParkedColumn {
  public:
-  explicit ParkedColumn(size_t limit)
-      : rays_(MemoryTag::rays, limit), records_(MemoryTag::paths, limit), limit_(limit) {}
-  [[nodiscard]] size_t size() const { return size_; }
-  [[nodiscard]] size_t room() const { return limit_ - size_; }
+  explicit ParkedColumn(size_t limit, bool has_costs)
+      : rays_(MemoryTag::rays, limit),
+        hits_(MemoryTag::rays, limit),
+        costs_(MemoryTag::rays, has_costs ? limit : 0),
+        records_(MemoryTag::paths, limit),
+        by_hit_(MemoryTag::rays, limit),
+        limit_(limit) {}
+  [[nodiscard]] size_t size() const { return end_ - (given_ - refilled_); }
+  [[nodiscard]] size_t room() const { return limit_ - size(); }
+  [[nodiscard]] size_t traced_count() const { return traced_ - given_; }
   [[nodiscard]] const std::array<uint64_t, 2>& of_half() const { return of_half_; }
 
   // Copies what is marked; there is room for it.
-  Status park(const RayColumns<Record>& wave, std::span<const cache::TraceHit> hits);
-  // Gives back what the wave has room for, the latest first.
-  Status unpark(RayColumns<Record>& wave, size_t wave_limit);
+  Status park(const RayColumns<Record>& wave, std::span<const cache::TraceHit> hits, std::span<const RayCost> costs);
+
+  // What a sweep is to trace: all rays, side by side. Only when none that was traced is left.
+  ParkedBatch gather();
+  // They are traced.
+  void set_traced();
+  // Moves the next traced rays to the end of a wave's columns, which have room for them, and their hits and costs.
+  Status give_back(RayColumns<Record>& wave, std::span<cache::TraceHit> hits, std::span<RayCost> costs);
 
  private:
+  [[nodiscard]] size_t free_slot(size_t which) const {
+    const size_t freed = given_ - refilled_;
+    return which < freed ? by_hit_[refilled_ + which] : end_ + which - freed;
+  }
+
   Buffer<cache::TraceRay> rays_;
+  Buffer<cache::TraceHit> hits_;
+  Buffer<RayCost> costs_;
   Buffer<Record> records_;
-  size_t limit_ = 0, size_ = 0;
+  Buffer<uint32_t> by_hit_;  // slots that the last sweep traced, by triangle
+  size_t limit_, end_ = 0;
+  size_t traced_ = 0, given_ = 0, refilled_ = 0;  // of by_hit_: all; given back; of those, the slots that hold new rays
   std::array<uint64_t, 2> of_half_ = {0, 0};
 };
 
 class ParkedRays {
  public:
-  explicit ParkedRays(size_t limit) : paths_(limit), shadows_(limit), limit_(limit) {}
+  ParkedRays(size_t limit, bool has_costs) : paths_(limit, has_costs), shadows_(limit, has_costs), limit_(limit) {}
   [[nodiscard]] bool empty() const { return paths_.size() + shadows_.size() == 0; }
-  [[nodiscard]] bool is_nearly_full() const { return 4 * std::max(paths_.size(), shadows_.size()) > 3 * limit_; }
+  // Those that are to be given back first.
+  [[nodiscard]] bool has_traced() const { return paths_.traced_count() + shadows_.traced_count() > 0; }
+  [[nodiscard]] bool is_nearly_full() const { return 8 * std::max(paths_.size(), shadows_.size()) > 7 * limit_; }
   [[nodiscard]] bool any_of_half(uint32_t half) const { return paths_.of_half()[half] + shadows_.of_half()[half] > 0; }
-  [[nodiscard]] size_t path_room() const { return paths_.room(); }
-  [[nodiscard]] size_t shadow_room() const { return shadows_.room(); }
+  [[nodiscard]] ParkedColumn<PathRecord>& paths() { return paths_; }
+  [[nodiscard]] ParkedColumn<ShadowRecord>& shadows() { return shadows_; }
 
-  Status park(const RayColumns<PathRecord>& paths, std::span<const cache::TraceHit> path_hits,
-              const RayColumns<ShadowRecord>& shadows, std::span<const cache::TraceHit> shadow_hits) {
-    SPILLWAY_TRY(paths_.park(paths, path_hits));
-    return shadows_.park(shadows, shadow_hits);
-  }
-  // The wave's columns have room for `most` rays each.
-  Status unpark(RayColumns<PathRecord>& paths, RayColumns<ShadowRecord>& shadows, size_t most) {
-    SPILLWAY_TRY(paths_.unpark(paths, most));
-    return shadows_.unpark(shadows, most);
-  }
+  // Traces all that wait. Replaces `report`.
+  Status sweep(const cache::PageTree& tree, PageViews& pages, const Bounds3& scene_bounds_world,
+               const SortRaysOptions& sort_options, TraceRaysOptions trace_options, TraceRaysReport& report);
 
  private:
   ParkedColumn<PathRecord> paths_;

@@ -14,10 +14,12 @@ constexpr uint64_t kNextHotBytesPerPath = 2 * 32;           // what shade_hits w
 constexpr uint64_t kSortBytesPerPath = 2 * 16;              // keys and indices of sort_rays, twice
 constexpr uint64_t kPairBytesPerPath = 40;                  // of a sweep: two rays that need two or three pages each
 constexpr uint64_t kSpilledPairBytesPerPath = 12;           // less than that: a sweep in several windows
-constexpr uint64_t kWavePathsPerParked = 4;                 // parked at most: fewer than the new paths of a wave
-constexpr uint64_t kParkedBytesPerPath = (32 + 52 + 32 + 24) / kWavePathsPerParked;
+// Of the lot (park_rays.h), a path and a shadow ray: rays, results, records, slots; and while they are swept, order,
+// keys and indices of their sort, and pairs.
+constexpr uint64_t kParkedPerPath = 1;  // of a wave, when pages are missing; four are no better
+constexpr uint64_t kParkedBytes = 2 * (32 + 24 + 4) + 52 + 24 + 2 * (4 + 16) + kPairBytesPerPath;
 constexpr uint64_t kColdBytesPerPath = 52 + 24;             // path and shadow record, of one wave
-constexpr uint64_t kHitBytesPerPath = 2 * 96 + 2 * 16 + 8;  // records, keys, order and the gathered copy
+constexpr uint64_t kHitBytesPerPath = 2 * 96 + 3 * 16;      // records and their sorted copy, keys, order and its scratch
 // Written and read again for every step of a spilled path: two cold records, and a hit with its key where hits spill too.
 constexpr uint64_t kColdSpillBytesPerStep = 2 * kColdBytesPerPath;
 constexpr uint64_t kHitSpillBytesPerStep = 2 * (96 + 16);
@@ -33,11 +35,15 @@ constexpr uint64_t kSpillBufferBytes = 48 * kMiB;
 constexpr uint64_t kSmallestHitSortBytes = 32 * kMiB;
 constexpr uint64_t kSmallestTextureBytes = 16 * kMiB;
 constexpr uint64_t kReadAheadParts = 4;
+// A page is read for this wave when so many bytes of it serve a visit. 1 to 8 KiB are alike within 5 %.
+constexpr uint64_t kPageBytesPerPair = 4 << 10;
 // Mean number of vertices of a path; only its order of magnitude matters here: 1.6 in a city's street, 3 in a room.
 constexpr double kStepsPerPath = 3;
 // Waves are pieces of the picture, and rays that begin near each other end near each other: a wave meets half of the pages
 // when it has so many paths a page. Measured: about 1 Ki on a city from the air, 10 Ki in its streets.
 constexpr double kPathsAPageAtHalf = 1024;
+// Pages read for each vertex of a path, were none resident, when rays are parked: waves of 64 to 256 Ki paths are alike.
+constexpr double kParkedBytesPerStep = 256;
 // A scene that may have to be swept begins with epochs of so many samples: a city from the air, a quarter of it in memory,
 // read 0.6 of the bytes that epochs of 1, 2, 4 and 1 samples read. Smaller scenes begin with one: they may stop sooner.
 constexpr uint64_t kLargeSceneBytes = 64 * kMiB;
@@ -76,14 +82,23 @@ uint64_t fixed_bytes(const SceneFacts& f, const PlanOptions& o) {
          (f.volume_bytes > 0 ? kRunBytes : 0);
 }
 
-uint64_t wave_bytes(const SceneFacts& f, uint64_t paths, bool spills) {
+// How rays go through a frame: what plans choose between.
+struct Way {
+  uint64_t paths;         // of a wave
+  bool spills;
+  uint64_t parked_rays;   // of each kind
+};
+
+uint64_t wave_bytes(const SceneFacts& f, const Way& way) {
+  const auto [paths, spills, parked] = way;
   const uint64_t media = paths * ((f.has_media ? kMediaBytesPerPath : 0) + (f.has_costs ? kCostBytesPerPath : 0) +
                                   (f.looks_up_emission ? kLightPlaceBytesPerPath : 0)) +
                          (f.looks_up_emission && spills ? kLightPlaceBufferBytes : 0);
   // A spilled wave gives back what sorting took before it traces, and all but the rays before it shades.
   if (spills) return media + paths * (kHotBytesPerPath + kSpilledPairBytesPerPath) + kSpillBufferBytes + kSmallestHitSortBytes;
   return media + paths * (kHotBytesPerPath + kSortBytesPerPath + kPairBytesPerPath + kNextHotBytesPerPath + 2 * kColdBytesPerPath +
-                  kHitBytesPerPath + kParkedBytesPerPath);
+                  kHitBytesPerPath) +
+         parked * (kParkedBytes + (f.has_costs ? kCostBytesPerPath : 0));
 }
 
 // Gives what is left beyond the smallest shares to the caches: pages first, for they are swept; then attributes, textures.
@@ -114,12 +129,17 @@ void predict(const SceneFacts& f, const Rates& r, Plan& plan) {
   const double pages = f.largest_page_bytes > 0 ? static_cast<double>(f.trace_bytes) / static_cast<double>(f.largest_page_bytes) : 0;
   const auto paths = static_cast<double>(plan.wave_paths);
   const double met = paths / (paths + kPathsAPageAtHalf * pages);
-  const double geometry = met * static_cast<double>(missed(f.trace_bytes, plan.page_bytes) + missed(f.attribute_bytes, plan.attribute_bytes));
-  const double swept = geometry + static_cast<double>(missed(f.texture_bytes, plan.texture_bytes) + missed(f.volume_bytes, plan.volume_bytes));
-  const double page_bytes = waves * swept + static_cast<double>(f.trace_bytes + f.attribute_bytes);
+  const auto pages_missed = static_cast<double>(missed(f.trace_bytes, plan.page_bytes));
+  double pages_read = waves * met * pages_missed;
+  if (plan.parked_rays > 0)
+    pages_read = std::min(pages_read, steps * kParkedBytesPerStep * pages_missed / static_cast<double>(f.trace_bytes));
+  const double swept = met * static_cast<double>(missed(f.attribute_bytes, plan.attribute_bytes)) +
+                       static_cast<double>(missed(f.texture_bytes, plan.texture_bytes) + missed(f.volume_bytes, plan.volume_bytes));
+  const double page_bytes = pages_read + waves * swept + static_cast<double>(f.trace_bytes + f.attribute_bytes);
   const bool hits_spill = plan.hit_bytes < plan.wave_paths * kHitBytesPerPath;
   const double spill_bytes = plan.spills ? steps * (kColdSpillBytesPerStep + (hits_spill ? kHitSpillBytesPerStep : 0)) : 0;
-  const double compute = steps / r.path_steps_per_second + waves * r.wave_overhead_seconds;
+  const double compute = steps / r.path_steps_per_second + waves * r.wave_overhead_seconds +
+                         (plan.pages_fit ? 0 : waves * r.sweep_overhead_seconds);
   const double reading = page_bytes / r.read_bytes_per_second, spilling = spill_bytes / r.spill_bytes_per_second;
   plan.predicted_waves = static_cast<uint64_t>(waves), plan.predicted_steps = steps;
   plan.predicted_page_bytes = static_cast<uint64_t>(page_bytes);
@@ -129,9 +149,10 @@ void predict(const SceneFacts& f, const Rates& r, Plan& plan) {
   plan.predicted_seconds = compute + reading + spilling;
 }
 
-Plan shape(const SceneFacts& f, const PlanOptions& o, uint64_t paths, bool spills, uint64_t budget) {
+Plan shape(const SceneFacts& f, const PlanOptions& o, const Way& way, uint64_t budget) {
+  const auto [paths, spills, parked] = way;
   Smallest share = smallest_caches(f, o);
-  const uint64_t needed = fixed_bytes(f, o) + wave_bytes(f, paths, spills) + share.sum();
+  const uint64_t needed = fixed_bytes(f, o) + wave_bytes(f, way) + share.sum();
   share_out(budget - needed, f, o, share);
   Plan plan;
   plan.wave_paths = paths, plan.spills = spills;
@@ -141,9 +162,10 @@ Plan shape(const SceneFacts& f, const PlanOptions& o, uint64_t paths, bool spill
   plan.volume_bytes = share.volumes, plan.volumes_fit = share.volumes >= f.volume_bytes;
   plan.run_bytes = f.volume_bytes > 0 ? kRunBytes : 0;
   plan.read_ahead_bytes = kReadAheadParts * f.largest_page_bytes;
-  plan.pair_bytes = std::max<uint64_t>(paths * (spills ? kSpilledPairBytesPerPath : kPairBytesPerPath), 1 * kMiB);
+  plan.pair_bytes = std::max({paths * (spills ? kSpilledPairBytesPerPath : kPairBytesPerPath), parked * kPairBytesPerPath, kMiB});
   plan.page_top_bytes = f.trace_bytes / kTopShare;
-  plan.parked_rays = plan.pages_fit || spills || f.has_media || f.looks_up_emission ? 0 : paths / kWavePathsPerParked;
+  plan.parked_rays = plan.pages_fit ? 0 : parked;
+  plan.park_pairs = o.park_pairs != 0 ? o.park_pairs : f.largest_page_bytes / kPageBytesPerPair;
   plan.ray_bytes = paths * (kHotBytesPerPath + kNextHotBytesPerPath);
   plan.cold_bytes = spills ? 0 : UINT64_MAX;
   plan.hit_bytes = spills ? kSmallestHitSortBytes : UINT64_MAX;
@@ -157,7 +179,7 @@ Plan shape(const SceneFacts& f, const PlanOptions& o, uint64_t paths, bool spill
   // By what the scene weighs, not by what fits: the waves of a frame, and so its access log, are the same for any budget.
   if (f.trace_bytes >= kLargeSceneBytes)
     plan.first_epoch_samples = std::max(plan.first_epoch_samples, std::min(plan.epoch_samples, kLargeSceneEpochSamples));
-  plan.memory_bytes = fixed_bytes(f, o) + wave_bytes(f, paths, spills) + share.sum();
+  plan.memory_bytes = fixed_bytes(f, o) + wave_bytes(f, way) + share.sum();
   if (spills) {
     const auto give = [&](uint64_t& to, uint64_t wanted) {
       const uint64_t more = std::min(budget - plan.memory_bytes, wanted);
@@ -170,33 +192,42 @@ Plan shape(const SceneFacts& f, const PlanOptions& o, uint64_t paths, bool spill
   return plan;
 }
 
-bool fits(const SceneFacts& f, const PlanOptions& o, uint64_t paths, bool spills, uint64_t budget) {
-  return fixed_bytes(f, o) + wave_bytes(f, paths, spills) + smallest_caches(f, o).sum() <= budget;
+bool fits(const SceneFacts& f, const PlanOptions& o, const Way& way, uint64_t budget) {
+  return fixed_bytes(f, o) + wave_bytes(f, way) + smallest_caches(f, o).sum() <= budget;
+}
+
+bool may_park(const SceneFacts& f, const PlanOptions& o, bool spills) {
+  return o.parks && !spills && !f.has_media && !f.looks_up_emission;
 }
 
 }  // namespace
 
 Result<Plan> plan_render(const SceneFacts& facts, const PlanOptions& options, const Rates& rates) {
   const uint64_t budget = options.memory_bytes ? options.memory_bytes : UINT64_MAX / 2;
-  const bool has_room = fits(facts, options, kInCoreWavePaths, false, budget);
+  const bool has_room = fits(facts, options, {kInCoreWavePaths, false, 0}, budget);
   const uint64_t first = options.wave_paths ? options.wave_paths : has_room ? kInCoreWavePaths : kSmallestWavePaths;
   const uint64_t last = options.wave_paths ? options.wave_paths : kLargestWavePaths;
   std::optional<Plan> best;
+  const auto consider = [&](const Way& way) {
+    if (!fits(facts, options, way, budget)) return;
+    Plan plan = shape(facts, options, way, budget);
+    predict(facts, rates, plan);
+    // The smaller wave unless a larger one is clearly faster: it holds less, and stays nearer to the caches.
+    if (!best || plan.predicted_seconds < 0.97 * best->predicted_seconds) best = plan;
+  };
   for (uint64_t paths = first; paths <= last; paths *= 2) {
     for (const bool spills : {false, true}) {
       if (options.spill >= 0 && spills != (options.spill == 1)) continue;
-      if (!fits(facts, options, paths, spills, budget)) continue;
-      Plan plan = shape(facts, options, paths, spills, budget);
-      predict(facts, rates, plan);
-      // The smaller wave unless a larger one is clearly faster: it holds less, and stays nearer to the caches.
-      if (!best || plan.predicted_seconds < 0.97 * best->predicted_seconds) best = plan;
+      const bool parks = may_park(facts, options, spills);
+      if (!parks || options.parked_rays == 0) consider({paths, spills, 0});
+      if (parks) consider({paths, spills, options.parked_rays != 0 ? options.parked_rays : paths * kParkedPerPath});
     }
   }
   if (best) return *best;
   const bool may_spill = options.spill != 0;
   const uint64_t smallest =
       fixed_bytes(facts, options) + smallest_caches(facts, options).sum() +
-      std::min(options.spill == 1 ? UINT64_MAX : wave_bytes(facts, first, false), may_spill ? wave_bytes(facts, first, true) : UINT64_MAX);
+      std::min(options.spill == 1 ? UINT64_MAX : wave_bytes(facts, {first, false, 0}), may_spill ? wave_bytes(facts, {first, true, 0}) : UINT64_MAX);
   return error("--memory {}: this frame needs at least {} ({} before anything is loaded, {} film, {} tables); raise it",
                bytes_text(budget), bytes_text(smallest + kMiB), bytes_text(options.floor_bytes),
                bytes_text(facts.film_bytes), bytes_text(facts.table_bytes));

@@ -26,10 +26,11 @@ struct SceneFacts {
 
 // Measured on two cores; they decide between plans, never what is computed.
 struct Rates {
-  double path_steps_per_second = 1.2e6;
+  double path_steps_per_second = 2.5e6;
   double read_bytes_per_second = 2.8e9;   // of pages, several in flight
   double spill_bytes_per_second = 0.7e9;  // of records, written or read: the stages wait for most of it
   double wave_overhead_seconds = 2e-4;
+  double sweep_overhead_seconds = 4e-3;   // of a wave that needs pages: the first one is waited for
 };
 
 // What the user fixes; zero or unset: planned.
@@ -39,6 +40,8 @@ struct PlanOptions {
   uint64_t wave_paths = 0;
   uint64_t page_bytes = 0, attribute_bytes = 0, texture_bytes = 0, volume_bytes = 0;  // shares
   int spill = -1;                    // 0 never, 1 always, -1 when it pays
+  bool parks = true;                 // rays may wait for a sweep outside of waves
+  uint64_t parked_rays = 0, park_pairs = 0;  // see Plan
 };
 
 struct Plan {
@@ -53,6 +56,7 @@ struct Plan {
   uint64_t hit_bytes = 0;          // limit of the hit sort
   uint64_t page_top_bytes = 0;     // for the first nodes of all pages, held while not all fit (cache/page_tops.h)
   uint64_t parked_rays = 0;        // of each kind that may wait for a sweep outside of waves
+  uint64_t park_pairs = 0;         // visits for which a page is read in the wave that needs it
   uint64_t ray_bytes = 0;          // hot columns, results, orders
   uint32_t epoch_samples = 16;     // largest epoch
   uint32_t first_epoch_samples = 1;

@@ -83,8 +83,7 @@ class RenderLoop {
                      settings_.render.camera_medium),
         schedule_({settings_.render.samples_per_pixel, state.plan.epoch_samples, state.plan.first_epoch_samples,
                    state.options.error > 0}),
-        // A log speaks for any budget: its waves must not depend on what is in memory.
-        parked_(state.options.park_rays && state.options.access_log == nullptr ? state.plan.parked_rays : 0),
+        parked_(state.plan.parked_rays, state.options.cost_layers),
         hits_(stream_options(state, "hits", MemoryTag::hits, cache::IoPurpose::hits, state.plan.hit_bytes)) {}
 
   Status run() {
@@ -98,8 +97,13 @@ class RenderLoop {
       const cache::TraceSpan span("wave", "wave");
       WaveReport wave_report;
       const double generated_before = report_.generate_seconds;
+      if (parked_.is_nearly_full() && !parked_.has_traced()) SPILLWAY_TRY(sweep_parked(wave_report));
       SPILLWAY_TRY(top_up(wave, wave_report));
-      if (wave.paths.hot.empty() && wave.shadows.hot.empty()) break;
+      if (is_empty(wave) && !parked_.empty()) {
+        SPILLWAY_TRY(sweep_parked(wave_report));
+        SPILLWAY_TRY(top_up(wave, wave_report));
+      }
+      if (is_empty(wave)) break;
       begin_log();
       SPILLWAY_TRY(advance(wave, wave_report));
       end_log(wave_report, report_.generate_seconds - generated_before);
@@ -121,14 +125,17 @@ class RenderLoop {
   }
 
  private:
-  // Fills the wave with camera paths of the open epochs, opening the next one where there is none. Parked rays come
-  // back when they are many, or the last wave was not full, or nothing else is left: this wave then sweeps.
+  static bool is_empty(const Wave& wave) { return wave.paths.hot.empty() && wave.shadows.hot.empty(); }
+
+  // Fills the wave: parked rays that were traced come back, and camera paths of the open epochs, opening the next one
+  // where there is none.
   Status top_up(Wave& wave, WaveReport& report) {
     const StageTimer timer("generate_rays", report_.generate_seconds);
-    const bool waits = !state_.options.top_up_waves && wave.paths.hot.size() + wave.shadows.hot.size() > 0;
-    sweeps_ = starves_ || parked_.is_nearly_full();
-    if (sweeps_) SPILLWAY_TRY(parked_.unpark(wave.paths, wave.shadows, state_.plan.wave_paths));
-    while (!waits && wave.paths.hot.size() < state_.plan.wave_paths) {
+    const bool waits = !state_.options.top_up_waves && !is_empty(wave);
+    const size_t held = wave.paths.hot.size(), most = state_.plan.wave_paths;
+    back_paths_ = std::min(parked_.paths().traced_count(), most > held ? most - held : 0);
+    back_shadows_ = std::min(parked_.shadows().traced_count(), wave.shadows.hot.capacity() - wave.shadows.hot.size());
+    while (!waits && wave.paths.hot.size() + back_paths_ < most) {
       if (camera_rays_.exhausted()) {
         const std::optional<Epoch> epoch = schedule_.open_next();
         if (!epoch) break;
@@ -137,20 +144,42 @@ class RenderLoop {
       }
       SPILLWAY_TRY(generate_batch(wave, report));
     }
-    starves_ = wave.paths.hot.size() < state_.plan.wave_paths;
-    if (wave.paths.hot.empty() && wave.shadows.hot.empty() && !sweeps_) {
-      sweeps_ = true;
-      SPILLWAY_TRY(parked_.unpark(wave.paths, wave.shadows, state_.plan.wave_paths));
+    return make_results(wave);
+  }
+
+  // Room for what tracing finds, and what it found of the rays that come back: they are the last of the wave.
+  Status make_results(Wave& wave) {
+    const size_t paths = wave.paths.hot.size(), shadows = wave.shadows.hot.size();
+    const size_t path_count = paths + back_paths_, shadow_count = shadows + back_shadows_;
+    path_hits_.renew(MemoryTag::rays, path_count), path_hits_.set_size(path_count);
+    shadow_hits_.renew(MemoryTag::rays, shadow_count), shadow_hits_.set_size(shadow_count);
+    if (state_.costs) {
+      path_costs_.renew(MemoryTag::rays, path_count), path_costs_.set_size(path_count);
+      shadow_costs_.renew(MemoryTag::rays, shadow_count), shadow_costs_.set_size(shadow_count);
     }
-    SPILLWAY_TRY(wave.paths.cold.finish());
-    SPILLWAY_TRY(wave.shadows.cold.finish());
-    if (wave.shadows.ends) SPILLWAY_TRY(wave.shadows.ends->finish());
+    const auto rest = [](auto& of_wave, size_t first) {
+      return std::span(of_wave).subspan(std::min(first, of_wave.size()));
+    };
+    if (back_paths_ > 0)
+      SPILLWAY_TRY(parked_.paths().give_back(wave.paths, rest(path_hits_, paths), rest(path_costs_, paths)));
+    if (back_shadows_ > 0)
+      SPILLWAY_TRY(parked_.shadows().give_back(wave.shadows, rest(shadow_hits_, shadows), rest(shadow_costs_, shadows)));
+    return {};
+  }
+
+  Status sweep_parked(WaveReport& report) {
+    const StageTimer timer("sweep_parked", report.trace_seconds);
+    TraceRaysReport traced;
+    SPILLWAY_TRY(parked_.sweep(state_.store.page_tree(), *state_.pages, settings_.statistics.bounds_world, sort_options(),
+                               trace_options(), traced));
+    add(traced, report);
+    state_.page_parts->rebalance();
     return {};
   }
 
   Status generate_batch(Wave& wave, WaveReport& report) {
     const size_t at = wave.paths.hot.size();
-    const size_t room = std::min<size_t>(state_.plan.wave_paths - at, generated_.size());
+    const size_t room = std::min<size_t>(state_.plan.wave_paths - back_paths_ - at, generated_.size());
     const size_t made = camera_rays_.generate_rays(room, wave.paths.hot.data() + at, generated_.data());
     wave.paths.hot.set_size(at + made);
     report.generated_count += made;
@@ -161,12 +190,18 @@ class RenderLoop {
   // routed, a ray lives on in its hit.
   Status advance(Wave& wave, WaveReport& report) {
     report.path_count = wave.paths.hot.size(), report.shadow_count = wave.shadows.hot.size();
+    SPILLWAY_TRY(wave.paths.cold.finish());
+    SPILLWAY_TRY(wave.shadows.cold.finish());
+    if (wave.shadows.ends) SPILLWAY_TRY(wave.shadows.ends->finish());
     cache::ExternalSort<HitRecord>& hits = hits_;
     hits.clear();
     sort_wave(wave, report);
     SPILLWAY_TRY(trace_wave(wave, report));
     if (report_.has_media) SPILLWAY_TRY(track_wave(wave, report));
-    if (parked_count_ > 0) SPILLWAY_TRY(parked_.park(wave.paths, path_hits_, wave.shadows, shadow_hits_));
+    if (parked_count_ > 0) {
+      SPILLWAY_TRY(parked_.paths().park(wave.paths, path_hits_, path_costs_));
+      SPILLWAY_TRY(parked_.shadows().park(wave.shadows, shadow_hits_, shadow_costs_));
+    }
     SPILLWAY_TRY(route_wave(wave, hits, report));
     report.spilled_bytes += wave.paths.cold.spilled_bytes() + wave.shadows.cold.spilled_bytes();
     if (wave.shadows.ends) report.spilled_bytes += wave.shadows.ends->spilled_bytes();
@@ -175,7 +210,8 @@ class RenderLoop {
     SPILLWAY_TRY(shade_wave(wave, hits, report));
     report.spilled_bytes += hits.spilled_bytes();
     report_.spilled_bytes += report.spilled_bytes;
-    if (parked_count_ == 0) state_.page_parts->rebalance();  // else not all pages that were wanted have been asked for
+    // Else all that is wanted is asked for when the parked rays are swept.
+    if (state_.plan.parked_rays == 0) state_.page_parts->rebalance();
     state_.attributes->parts().rebalance();
     return {};
   }
@@ -196,45 +232,66 @@ class RenderLoop {
     return {};
   }
 
+  // The rays of a wave that are not traced yet.
+  [[nodiscard]] std::span<const cache::TraceRay> new_paths(const Wave& wave) const {
+    return std::span<const cache::TraceRay>(wave.paths.hot).first(wave.paths.hot.size() - back_paths_);
+  }
+  [[nodiscard]] std::span<const cache::TraceRay> new_shadows(const Wave& wave) const {
+    return std::span<const cache::TraceRay>(wave.shadows.hot).first(wave.shadows.hot.size() - back_shadows_);
+  }
+
+  [[nodiscard]] SortRaysOptions sort_options() const {
+    SortRaysOptions options;
+    options.enabled = state_.options.sort_rays;
+    return options;
+  }
+
   void sort_wave(const Wave& wave, WaveReport& report) {
     const StageTimer timer("sort_rays", report.sort_seconds);
-    const size_t path_count = wave.paths.hot.size(), shadow_count = wave.shadows.hot.size();
-    order_.renew(MemoryTag::rays, path_count + shadow_count);
-    order_.set_size(path_count + shadow_count);
-    SortRaysOptions sort_options;
-    sort_options.enabled = state_.options.sort_rays;
-    sort_rays(wave.paths.hot, wave.shadows.hot, settings_.statistics.bounds_world, order_, sort_options, sort_scratch_);
-    if (sort_options.enabled) report_.sorted_count += path_count + shadow_count;
+    const auto paths = new_paths(wave), shadows = new_shadows(wave);
+    order_.renew(MemoryTag::rays, paths.size() + shadows.size());
+    order_.set_size(paths.size() + shadows.size());
+    sort_rays(paths, shadows, settings_.statistics.bounds_world, order_, sort_options(), sort_scratch_);
+    if (state_.options.sort_rays) report_.sorted_count += order_.size();
     if (state_.plan.spills) sort_scratch_ = {};
+  }
+
+  [[nodiscard]] TraceRaysOptions trace_options() const {
+    TraceRaysOptions options;
+    options.pair_limit_bytes = state_.plan.pair_bytes;
+    options.resident_first = state_.options.resident_first;
+    return options;
   }
 
   Status trace_wave(const Wave& wave, WaveReport& report) {
     const StageTimer timer("trace_rays", report.trace_seconds);
-    const size_t path_count = wave.paths.hot.size(), shadow_count = wave.shadows.hot.size();
-    path_hits_.renew(MemoryTag::rays, path_count), path_hits_.set_size(path_count);
-    shadow_hits_.renew(MemoryTag::rays, shadow_count), shadow_hits_.set_size(shadow_count);
-    TraceRaysOptions trace_options;
-    trace_options.pair_limit_bytes = state_.plan.pair_bytes;
-    if (!sweeps_) trace_options.park_paths = parked_.path_room(), trace_options.park_shadows = parked_.shadow_room();
-    trace_options.resident_first = state_.options.resident_first;
+    const auto paths = new_paths(wave), shadows = new_shadows(wave);
+    TraceRaysOptions options = trace_options();
+    options.park_paths = parked_.paths().room(), options.park_shadows = parked_.shadows().room();
+    options.park_pairs = state_.plan.park_pairs;
     if (AccessLog* log = state_.options.access_log) {
-      trace_options.access = &log->wave();
-      trace_options.camera_rays_from = path_count - report.generated_count;  // they were added last
+      options.access = &log->wave();
+      options.camera_rays_from = paths.size() - report.generated_count;  // they were added last
     }
-    if (state_.costs) {
-      ray_costs_.renew(MemoryTag::rays, path_count + shadow_count), ray_costs_.set_size(path_count + shadow_count);
-      std::fill(ray_costs_.begin(), ray_costs_.end(), RayCost{});
-      trace_options.costs = ray_costs_;
-    }
+    const auto of_new = [](auto& results, size_t count) { return std::span(results).first(std::min(count, results.size())); };
+    const std::span<RayCost> path_costs = of_new(path_costs_, paths.size()), shadow_costs = of_new(shadow_costs_, shadows.size());
+    std::fill(path_costs.begin(), path_costs.end(), RayCost{});
+    std::fill(shadow_costs.begin(), shadow_costs.end(), RayCost{});
     TraceRaysReport traced;
     SPILLWAY_TRY(trace_rays(state_.store.page_tree(), *state_.pages,
-                            {wave.paths.hot, wave.shadows.hot, path_hits_, shadow_hits_, order_}, trace_options, traced));
-    report.pages_touched = traced.pages_touched;
+                            {paths, shadows, of_new(path_hits_, paths.size()), of_new(shadow_hits_, shadows.size()), order_,
+                             path_costs, shadow_costs},
+                            options, traced));
     parked_count_ = traced.parked_count;
-    report.pair_count = traced.pair_count;
-    report.window_count = traced.window_count;
-    report_.trace += traced;
+    add(traced, report);
     return {};
+  }
+
+  void add(const TraceRaysReport& traced, WaveReport& report) {
+    report.pages_touched += traced.pages_touched;
+    report.pair_count += traced.pair_count;
+    report.window_count += traced.window_count;
+    report_.trace += traced;
   }
 
   // Only in scenes that have media: elsewhere there are no results, and nothing looks for them.
@@ -252,12 +309,10 @@ class RenderLoop {
 
   Status route_wave(Wave& wave, cache::ExternalSort<HitRecord>& hits, WaveReport& report) {
     const StageTimer timer("route_hits", report.route_seconds);
-    const std::span<const RayCost> costs = ray_costs_;
-    const size_t path_costs = costs.empty() ? 0 : wave.paths.hot.size();
     SPILLWAY_TRY(route_hits(
         state_.inputs.settings,
-        {wave.paths.hot, path_hits_, &wave.paths.cold, track_scratch_.path_results, costs.first(path_costs)},
-        {wave.shadows.hot, shadow_hits_, &wave.shadows.cold, track_scratch_.shadow_results, costs.subspan(path_costs),
+        {wave.paths.hot, path_hits_, &wave.paths.cold, track_scratch_.path_results, path_costs_},
+        {wave.shadows.hot, shadow_hits_, &wave.shadows.cold, track_scratch_.shadow_results, shadow_costs_,
          wave.shadows.ends ? &*wave.shadows.ends : nullptr},
         hits, *state_.film, route_scratch_, report_.route, {state_.options.sort_hits, state_.options.hit_batch_rays},
         state_.costs.get()));
@@ -343,8 +398,8 @@ class RenderLoop {
   uint32_t generating_half_ = 0;
   uint64_t generated_total_ = 0;
   ParkedRays parked_;
-  uint64_t parked_count_ = 0;             // of the wave
-  bool starves_ = false, sweeps_ = true;  // the last wave was not full; this one does not park
+  uint64_t parked_count_ = 0;                  // of the wave
+  size_t back_paths_ = 0, back_shadows_ = 0;   // of the wave, its last: parked rays that came back traced
   double expected_samples_ = INFINITY;  // a pixel, until the error that was asked for is reached
   std::array<uint64_t, 2> live_ = {0, 0};  // rays of each half's epoch on their way to the next wave
   Buffer<PathRecord> generated_{MemoryTag::paths, 1 << 14};
@@ -352,7 +407,7 @@ class RenderLoop {
   SortRaysScratch sort_scratch_;
   Buffer<uint32_t> order_;
   Buffer<cache::TraceHit> path_hits_, shadow_hits_;
-  Buffer<RayCost> ray_costs_;  // paths, then shadow rays; none when nobody asks
+  Buffer<RayCost> path_costs_, shadow_costs_;  // none when nobody asks
   cache::ExternalSort<HitRecord> hits_;
   TrackMediaScratch track_scratch_;
   RouteHitsScratch route_scratch_;

@@ -140,6 +140,8 @@ Status open_render_state(RenderState& state) {
   const RenderOptions& options = state.options;
   PlanOptions plan_options = options.plan;
   plan_options.floor_bytes = memory_floor_bytes();
+  // A log speaks for any budget: its waves must not depend on what is in memory.
+  plan_options.parks = options.park_rays && options.access_log == nullptr;
   SPILLWAY_ASSIGN(state.plan, plan_render(scene_facts(state.store, options), plan_options));
   if (options.hit_sort_bytes != 0) state.plan.hit_bytes = options.hit_sort_bytes;
   SPILLWAY_TRY(open_scratch(state));

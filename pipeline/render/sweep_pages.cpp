@@ -26,7 +26,8 @@ PageSweep::PageSweep(WaveRays& rays, const TraceRaysOptions& options, TraceRaysR
       block_((std::max<size_t>(options.block_rays, 1) + kWordRays - 1) / kWordRays * kWordRays),
       pair_capacity_(std::min<uint64_t>(options.pair_limit_bytes / sizeof(Pair), UINT32_MAX)),
       park_paths_(options.park_paths),
-      park_shadows_(options.park_shadows) {}
+      park_shadows_(options.park_shadows),
+      park_pairs_(options.park_pairs) {}
 
 // ---- which rays wait for which pages ----
 
@@ -61,23 +62,6 @@ bool PageSweep::list_waiting() {
   });
   report_.resident_only_count = rays_.size() - waiting_count;
   return waiting_count != 0;
-}
-
-bool PageSweep::park() {
-  if (park_paths_ + park_shadows_ == 0) return false;
-  std::atomic<size_t> paths = 0, shadows = 0;
-  for_each_chunk([&](size_t, size_t first, size_t last) {
-    size_t path_count = 0, count = 0;
-    for_each_waiting(first, last, [&](uint32_t ray) { return ++count, path_count += rays_.is_path(ray), true; });
-    paths += path_count, shadows += count - path_count;
-  });
-  if (paths > park_paths_ || shadows > park_shadows_) return false;
-  for_each_chunk([&](size_t, size_t first, size_t last) {
-    for_each_waiting(first, last, [&](uint32_t ray) { return rays_.mark_waiting(ray), true; });
-  });
-  report_.parked_count = paths + shadows;
-  report_.ray_count -= report_.parked_count;
-  return true;
 }
 
 // Calls body(ray) for the rays of [first, last) of the order that still wait, and lets those go for which it returns
@@ -169,7 +153,7 @@ bool PageSweep::is_needed(uint32_t page) {
 void PageSweep::list_pages(const Window& window) {
   window_pages_.clear();
   for (uint32_t page = window.first_page; page < window.last_page; ++page) {
-    if (page_pairs_[page] == 0) continue;
+    if (page_pairs_[page] == 0 || (!page_is_late_.empty() && page_is_late_[page] != 0)) continue;
     bool needed = window.by_ray && is_needed(page);
     for (size_t chunk = 0; chunk < chunk_count_ && !window.by_ray; ++chunk) needed |= cell(chunk, page).count > 0;
     if (needed) window_pages_.push_back(page);
@@ -241,6 +225,7 @@ void PageSweep::trace_by_ray(uint32_t page, const TracePageView& view) {
 
 Status PageSweep::sweep_window(const Window& window) {
   list_pages(window);
+  if (window_pages_.empty()) return {};
   ++report_.window_count;
   report_.pages_touched += window_pages_.size();
   const cache::TraceSpan span("sweep", "sweep");
@@ -256,9 +241,64 @@ Status PageSweep::sweep_window(const Window& window) {
   });
 }
 
+// ---- parking ----
+
+// Those that few rays wait for are late, when all of these rays have room.
+void PageSweep::choose_late_pages() {
+  if (park_paths_ + park_shadows_ == 0) return;
+  page_is_late_.assign(page_count_, 0);
+  for (uint32_t page = 0; page < page_count_; ++page)
+    page_is_late_[page] = page_pairs_[page] != 0 && page_pairs_[page] < park_pairs_;
+  if (!mark_late_rays()) page_is_late_.clear();
+}
+
+bool PageSweep::mark_late_rays() {
+  ray_is_late_ = Buffer<uint8_t>(MemoryTag::rays, rays_.size());
+  std::atomic<size_t> paths = 0, shadows = 0;
+  parallel_blocks(chunk_count_, 1, [&](size_t chunk, size_t, size_t) {
+    size_t of_kind[2] = {0, 0};
+    for (uint32_t page = 0; page < page_count_; ++page) {
+      if (page_is_late_[page] == 0) continue;
+      pool_->for_each_piece(cell(chunk, page), [&](std::span<const Pair> pairs) {
+        for (const Pair& pair : pairs)
+          if (std::exchange(ray_is_late_[pair.ray], 1) == 0) ++of_kind[rays_.is_path(pair.ray)];
+      });
+    }
+    shadows += of_kind[0], paths += of_kind[1];
+  });
+  return paths + shadows > 0 && paths <= park_paths_ && shadows <= park_shadows_;
+}
+
+// Late rays whose late pages still lie before what they hit.
+void PageSweep::park_late_rays() {
+  std::atomic<uint64_t> parked = 0;
+  parallel_blocks(chunk_count_, 1, [&](size_t chunk, size_t, size_t) {
+    VisitList visits;
+    uint64_t count = 0;
+    for (uint32_t page = 0; page < page_count_; ++page) {
+      if (page_is_late_[page] == 0) continue;
+      pool_->for_each_piece(cell(chunk, page), [&](std::span<const Pair> pairs) {
+        for (const auto& [ray, instance] : pairs) {
+          if (rays_.is_occluded(ray) || rays_.waits(ray)) continue;
+          if (rays_.has_hit(ray) && rays_.pages_ahead(ray, page, page + 1, visits).empty()) continue;
+          rays_.mark_waiting(ray), ++count;
+        }
+      });
+    }
+    parked += count;
+  });
+  report_.parked_count = parked;
+  report_.ray_count -= parked;
+}
+
 Status PageSweep::sweep() {
   const std::vector<Window> windows = cut_windows();
-  if (listed_) return sweep_window({0, page_count_, 0, false});
+  if (listed_) {
+    choose_late_pages();
+    SPILLWAY_TRY(sweep_window({0, page_count_, 0, false}));
+    if (!page_is_late_.empty()) park_late_rays();
+    return {};
+  }
   pool_.reset();
   uint64_t most = 0;
   for (const Window& window : windows)

@@ -22,9 +22,7 @@ class PageSweep {
 
   // Traces what is in memory, and lists for each page the rays that still need it. Returns whether there are any.
   bool list_waiting();
-  // Marks the rays that wait instead, when they are few enough; returns whether it did.
-  bool park();
-  // Visits these pages, each once a window.
+  // Visits these pages, each once a window; but for those that few rays wait for, when there is room to park these.
   Status sweep();
 
  private:
@@ -49,6 +47,9 @@ class PageSweep {
   void emit_pairs(const Window& window);
   bool is_needed(uint32_t page);
   void list_pages(const Window& window);
+  void choose_late_pages();
+  bool mark_late_rays();
+  void park_late_rays();
   void cut_blocks(uint32_t page);
   void trace_pairs(uint32_t page, const cache::TracePageView& view);
   void trace_listed(uint32_t page, const cache::TracePageView& view);
@@ -61,6 +62,7 @@ class PageSweep {
   const size_t block_;
   const uint64_t pair_capacity_;
   const size_t park_paths_, park_shadows_;
+  const uint64_t park_pairs_;
   Buffer<uint64_t> waiting_;  // a bit for each place in the order: the ray met pages that are not in memory
   size_t chunk_count_ = 0, chunk_rays_ = 0;
   Buffer<Cell> cells_;  // [chunk][page]
@@ -69,6 +71,8 @@ class PageSweep {
   std::atomic<bool> listed_ = false;  // all of them;
   Buffer<Pair> pairs_;                // else those of a window
   std::vector<uint32_t> window_pages_;
+  std::vector<uint8_t> page_is_late_;  // for another wave; none: all are swept
+  Buffer<uint8_t> ray_is_late_;        // needs a late page
   std::vector<std::pair<uint32_t, uint32_t>> blocks_;
 };
 

@@ -58,9 +58,10 @@ void log_needed(const WaveRays& rays, size_t block, size_t camera_rays_from, Wav
 // ---- pages as the kernel sees them ----
 
 PageViews::PageViews(cache::PartStore& pages, uint32_t top_nodes)
-    : pages_(&pages), tops_(pages.size(), top_nodes), views_(MemoryTag::page_tree, pages.size()) {
+    : pages_(&pages), tops_(pages.size(), top_nodes), views_(MemoryTag::page_tree, pages.size()), kept_(MemoryTag::page_tree, pages.size()) {
   const auto follow = [this](uint32_t page, std::span<const std::byte> bytes) {
     views_[page] = bytes.empty() ? tops_.view(page) : cache::trace_page_view(bytes);
+    if (bytes.empty()) kept_[page] = views_[page];
   };
   for (uint32_t page = 0; page < pages.size(); ++page) follow(page, pages.resident(page));
   pages.on_residency(follow);
@@ -72,9 +73,12 @@ Buffer<cache::TracePageView> PageViews::absent() const {
   return views;
 }
 
+void PageViews::keep() { std::copy(views_.begin(), views_.end(), kept_.begin()); }
+
 void PageViews::note_read(uint32_t page, const cache::TracePageView& view) {
   tops_.note(page, view);
-  if (views_[page].header == nullptr) views_[page] = tops_.view(page);
+  for (Buffer<cache::TracePageView>* const views : {&views_, &kept_})
+    if ((*views)[page].header == nullptr) (*views)[page] = tops_.view(page);
 }
 
 PageViews::~PageViews() { pages_->on_residency({}); }
@@ -98,7 +102,7 @@ Status trace_rays(const cache::PageTree& tree, PageViews& pages, const TraceBatc
     PageSweep sweep(rays, options, report);
     const bool more = sweep.list_waiting();
     if (!pages.pages().fits()) note_pages_used(rays);
-    if (more && !sweep.park()) status = sweep.sweep();
+    if (more) status = sweep.sweep();
   }
   if (options.access != nullptr && status) log_needed(rays, block, options.camera_rays_from, *options.access);
   report.work = rays.work();

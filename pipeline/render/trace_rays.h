@@ -29,12 +29,15 @@ struct TraceRaysOptions {
   uint64_t pair_limit_bytes = 64 << 20;  // 8 bytes a pair; larger: fewer windows, fewer passes through the page tree
   uint32_t block_rays = 512;             // rays or pairs a task
   bool resident_first = true;            // off: all pages are swept in file order (ablation)
-  // When no more rays than these wait for pages, none is read: they are marked kHitWaits, for another wave.
+  // Pages that fewer visits than park_pairs wait for are not read, when no more rays than these need one of them: the
+  // rays are marked kHitWaits, and their hits are the nearest so far.
   size_t park_paths = 0, park_shadows = 0;
+  uint64_t park_pairs = UINT64_MAX;
+  // The hits given are such ones: what PageViews::kept() has was met.
+  bool goes_on = false;
   // What the rays need is logged here: of every ray, by another walk through the page tree.
   WaveAccess* access = nullptr;
   size_t camera_rays_from = SIZE_MAX;  // path rays from here on come from the camera (for the log)
-  std::span<RayCost> costs = {};       // one a ray, paths first: what it took is added. Empty: nobody asks
 };
 
 struct TraceRaysReport {
@@ -56,6 +59,9 @@ class PageViews {
   ~PageViews();
 
   [[nodiscard]] cache::ResidentPages resident() const { return {views_.data()}; }
+  // The pages that have been resident ever since keep(), the others as if they were not.
+  void keep();
+  [[nodiscard]] cache::ResidentPages kept() const { return {kept_.data()}; }
   // All pages as if none were in memory.
   [[nodiscard]] Buffer<cache::TracePageView> absent() const;
   // A page was read: its top is kept from now on.
@@ -65,13 +71,14 @@ class PageViews {
  private:
   cache::PartStore* pages_;
   cache::PageTops tops_;
-  Buffer<cache::TracePageView> views_;
+  Buffer<cache::TracePageView> views_, kept_;
 };
 
 struct TraceBatch {
   std::span<const cache::TraceRay> path_rays, shadow_rays;
   std::span<cache::TraceHit> path_hits, shadow_hits;
   std::span<const uint32_t> order;  // indices below path_rays.size() are paths, the rest shadow rays
+  std::span<RayCost> path_costs = {}, shadow_costs = {};  // what each ray took is added. Empty: nobody asks
 };
 
 // Replaces `report`. Fails when a page cannot be read or is damaged; hits are then incomplete.

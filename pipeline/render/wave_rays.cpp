@@ -19,12 +19,17 @@ void WaveRays::keep_hit(uint32_t ray, const TraceHit& hit) const {
 }
 
 void WaveRays::note_cost(uint32_t ray, const TraceCounters& before, const TraceCounters& after, uint32_t waits) const {
-  if (costs_.empty()) return;
-  costs_[ray].tree_steps += static_cast<uint32_t>(after.nodes + after.leaves - before.nodes - before.leaves);
-  costs_[ray].pages_waited += waits;
+  if (!has_costs_) return;
+  RayCost& cost = is_path(ray) ? batch_.path_costs[ray] : batch_.shadow_costs[ray - batch_.path_rays.size()];
+  cost.tree_steps += static_cast<uint32_t>(after.nodes + after.leaves - before.nodes - before.leaves);
+  cost.pages_waited += waits;
 }
 
 std::span<const PageVisit> WaveRays::trace_first(uint32_t ray, VisitList& visits, TraceCounters& work) const {
+  if (goes_on_) {
+    hit_at(ray).flags &= ~uint32_t{cache::kHitWaits};
+    return pages_ahead(ray, 0, page_count(), visits);
+  }
   TraceHit hit = cache::no_hit(ray_at(ray));
   const TraceCounters before = work;
   std::span<const PageVisit> due = visits.trace(tree_, known(), mode_of(ray), ray_at(ray), hit, work);

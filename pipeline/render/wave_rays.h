@@ -58,7 +58,8 @@ class WaveRays {
         batch_(batch),
         absent_(options.resident_first ? Buffer<cache::TracePageView>() : pages.absent()),
         used_(MemoryTag::rays, pages.pages().fits() ? 0 : pages.pages().size()),
-        costs_(options.costs) {}
+        goes_on_(options.goes_on),
+        has_costs_(batch.path_costs.size() + batch.shadow_costs.size() > 0) {}
 
   [[nodiscard]] size_t size() const { return batch_.order.size(); }
   [[nodiscard]] uint32_t in_order(size_t place) const { return batch_.order[place]; }
@@ -66,6 +67,7 @@ class WaveRays {
   [[nodiscard]] uint32_t page_count() const { return static_cast<uint32_t>(pages_.pages().size()); }
   [[nodiscard]] bool is_path(uint32_t ray) const { return ray < batch_.path_rays.size(); }
   [[nodiscard]] bool is_occluded(uint32_t ray) const { return (hit_at(ray).flags & cache::kHitOccluded) != 0; }
+  [[nodiscard]] bool has_hit(uint32_t ray) const { return hit_at(ray).prim != PrimId::kNone; }
   [[nodiscard]] bool waits(uint32_t ray) const { return (hit_at(ray).flags & cache::kHitWaits) != 0; }
   void mark_waiting(uint32_t ray) const { hit_at(ray).flags |= cache::kHitWaits; }
   // Inlined at once: g++ takes a function that only prefetches for one without effect, and drops its calls.
@@ -74,7 +76,7 @@ class WaveRays {
     __builtin_prefetch(&hit_at(ray), 1);
   }
 
-  // Traces the ray through what is in memory. Returns the pages that are not, and remain.
+  // Traces the ray through what is in memory, unless it was before. Returns the pages that are not, and remain.
   std::span<const cache::PageVisit> trace_first(uint32_t ray, VisitList& visits, cache::TraceCounters& work) const;
   // Through one page, as seen from an instance. The root of the page's tree is the check whether it is still ahead of
   // the hit.
@@ -105,6 +107,7 @@ class WaveRays {
   }
   // The pages that are traced before the sweep.
   [[nodiscard]] cache::ResidentPages known() const {
+    if (goes_on_) return pages_.kept();
     return absent_.empty() ? pages_.resident() : cache::ResidentPages{absent_.data()};
   }
   void keep_hit(uint32_t ray, const cache::TraceHit& hit) const;
@@ -116,7 +119,8 @@ class WaveRays {
   const TraceBatch& batch_;
   const Buffer<cache::TracePageView> absent_;  // when resident pages do not come first: all are swept
   Buffer<uint8_t> used_;
-  const std::span<RayCost> costs_;
+  const bool goes_on_;
+  const bool has_costs_;
   std::atomic<uint64_t> nodes_ = 0, leaves_ = 0, page_visits_ = 0;
 };
 

@@ -253,22 +253,31 @@ TEST_F(SameBits, when_rays_that_wait_for_pages_are_parked_and_when_not) {
   o.plan.wave_paths = 1000;
   EXPECT_EQ(render(o, 2).report.trace.parked_count, 0u);  // everything fits
   o.plan.page_bytes = trace_bytes() * 3 / 4;
-  const RenderedImage parked = render(o, 2);
-  EXPECT_EQ(parked.report.image_hash, hash_);
-  EXPECT_GT(parked.report.trace.parked_count, 100u);
-  EXPECT_EQ(parked.report.route.parked_count, parked.report.trace.parked_count);
   o.park_rays = false;
   const RenderedImage swept = render(o, 2);
   EXPECT_EQ(swept.report.image_hash, hash_);
   EXPECT_EQ(swept.report.trace.parked_count, 0u);
-  EXPECT_EQ(swept.report.trace.ray_count, parked.report.trace.ray_count);
-  EXPECT_EQ(swept.report.route.escaped_count, parked.report.route.escaped_count);
-  EXPECT_EQ(swept.report.route.arrived_count, parked.report.route.arrived_count);
-  EXPECT_GT(swept.report.trace.pages_touched, parked.report.trace.pages_touched);
+  o.park_rays = true;
+  // All that wait, and only those that wait for pages that few others need; in lots that are swept often and once.
+  for (const uint64_t pairs : {uint64_t{1} << 40, uint64_t{50}}) {
+    for (const uint64_t rays : {300, 1000, 100000}) {
+      SCOPED_TRACE(fmt::format("pages read for {} visits, a lot of {} rays", pairs, rays));
+      o.plan.parked_rays = rays, o.plan.park_pairs = pairs;
+      const RenderedImage parked = render(o, 2);
+      EXPECT_EQ(parked.report.image_hash, hash_);
+      EXPECT_GT(parked.report.trace.parked_count, 100u);
+      EXPECT_EQ(parked.report.route.parked_count, parked.report.trace.parked_count);
+      EXPECT_EQ(swept.report.trace.ray_count, parked.report.trace.ray_count);
+      EXPECT_EQ(swept.report.route.escaped_count, parked.report.route.escaped_count);
+      EXPECT_EQ(swept.report.route.arrived_count, parked.report.route.arrived_count);
+      EXPECT_GT(swept.report.trace.pages_touched, parked.report.trace.pages_touched);
+    }
+  }
   o.page_tops = false;
   EXPECT_EQ(render(o, 2).report.image_hash, hash_);
-  o.page_tops = true;
-  o.park_rays = true, o.top_up_waves = false;
+  o.page_tops = true, o.top_up_waves = false;
+  EXPECT_EQ(render(o, 2).report.image_hash, hash_);
+  o.cost_layers = true;
   EXPECT_EQ(render(o, 2).report.image_hash, hash_);
 }
 

@@ -399,6 +399,41 @@ TEST(TraceRays, few_rays_that_wait_are_marked_and_nothing_is_read) {
   EXPECT_GT(run.log.size(), 0u);
 }
 
+// Then the rest goes on from where it is, beside other residents than before.
+TEST(TraceRays, pages_that_many_rays_wait_for_are_read_and_the_other_rays_wait) {
+  const Scene scene(16);
+  Rays rays(300, 300, 17);
+  const Hits expected = reference(scene, rays);
+  PagedRun run(scene, whole(scene) * 2 / 3);
+  run.trace(rays);
+  run.views.keep();
+  run.trace(rays, {.park_paths = 300, .park_shadows = 300});
+  const uint64_t waiting_for_all = run.report.parked_count;
+  Hits hits = run.trace(rays, {.park_paths = 300, .park_shadows = 300, .park_pairs = 80});
+  EXPECT_GT(run.log.size(), 0u);
+  EXPECT_GE(run.report.pair_count, 80 * run.log.size());
+  EXPECT_GT(run.report.parked_count, 10u);
+  EXPECT_LT(run.report.parked_count, waiting_for_all);
+  const auto waits = [](const TraceHit& hit) { return (hit.flags & cache::kHitWaits) != 0; };
+  Rays rest(0, 0, 1);
+  Hits later;
+  for (size_t i = 0; i < 300; ++i) {
+    if (waits(hits.paths[i])) rest.paths.push_back(rays.paths[i]), later.paths.push_back(hits.paths[i]);
+    if (waits(hits.shadows[i])) rest.shadows.push_back(rays.shadows[i]), later.shadows.push_back(hits.shadows[i]);
+  }
+  EXPECT_EQ(rest.paths.size() + rest.shadows.size(), run.report.parked_count);
+  rest.order.resize(rest.paths.size() + rest.shadows.size());
+  std::iota(rest.order.begin(), rest.order.end(), 0u);
+  run.store->rebalance();
+  ASSERT_TRUE(trace_rays(scene.tree(), run.views, {rest.paths, rest.shadows, later.paths, later.shadows, rest.order},
+                         {.goes_on = true}, run.report));
+  for (size_t i = 300, path = later.paths.size(), shadow = later.shadows.size(); i-- > 0;) {
+    if (waits(hits.paths[i])) hits.paths[i] = later.paths[--path];
+    if (waits(hits.shadows[i])) hits.shadows[i] = later.shadows[--shadow];
+  }
+  EXPECT_TRUE(hits == expected);
+}
+
 TEST(TraceRays, a_page_is_read_only_when_a_ray_still_needs_it) {
   const Scene scene(6);
   const Rays rays(40, 10, 7);  // few enough that some pages are met by none
