@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """What a feature costs a scene that does not use it: two programs or two sets of options on the same scene, in turns.
 
-  bench/unused_bench.py A B SCENE [--a-options "..."] [--b-options "..."] [--repeat 7] [-- options of both]
+  bench/unused_bench.py A B SCENE [--a-options="..."] [--b-options="..."] [--repeat 7] [-- options of both]
 
 A is a program without the feature, B one with it (or one program twice, with options that say what is asked for). Prints
 the best and the median seconds of both, the ratio of the medians, and the noise: the ratio of two medians of A's own runs,
@@ -35,8 +35,10 @@ def main():
     parser.add_argument("--a-options", default="")
     parser.add_argument("--b-options", default="")
     parser.add_argument("--repeat", type=int, default=7)
-    parser.add_argument("options", nargs="*")
-    arguments = parser.parse_args()
+    words = sys.argv[1:]
+    split = words.index("--") if "--" in words else len(words)
+    of_both = words[split + 1:]
+    arguments = parser.parse_args(words[:split])
     seconds, hashes = {"a": [], "b": []}, set()
     with tempfile.TemporaryDirectory() as folder:
         folder = pathlib.Path(folder)
@@ -47,7 +49,7 @@ def main():
             store = folder / f"{side}.store"
             if turn < 2:
                 render(program, arguments.scene, store, folder, ["--spp", "1"])  # packs
-            took, image = render(program, arguments.scene, store, folder, [*arguments.options, *shlex.split(options)])
+            took, image = render(program, arguments.scene, store, folder, [*of_both, *shlex.split(options)])
             seconds[side].append(took)
             hashes.add(image)
     median = {side: statistics.median(took) for side, took in seconds.items()}

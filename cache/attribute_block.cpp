@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cstring>
 
+#include "cache/base/alignment.h"
 #include "cache/base/all_finite.h"
 #include "cache/base/check.h"
 #include "cache/base/hash.h"
@@ -13,7 +14,6 @@ namespace {
 constexpr uint64_t kColumnAlignment = 16;
 constexpr uint64_t kChecksummedFrom = offsetof(AttributeBlockHeader, size_bytes);
 
-uint64_t aligned(uint64_t n, uint64_t alignment) { return (n + alignment - 1) / alignment * alignment; }
 
 // Where a segment's columns lie, given where they may begin. 64 bit: counts from a damaged file must not overflow.
 struct Columns {

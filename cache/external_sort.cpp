@@ -6,6 +6,7 @@
 #include <atomic>
 #include <vector>
 
+#include "cache/base/alignment.h"
 #include "cache/base/check.h"
 #include "cache/base/hash.h"
 #include "cache/base/parallel.h"
@@ -30,7 +31,7 @@ struct BlockHeader {
   uint64_t checksum;  // of keys and records
 };
 
-uint64_t aligned(uint64_t bytes) { return (bytes + kDirectAlignment - 1) / kDirectAlignment * kDirectAlignment; }
+uint64_t aligned(uint64_t bytes) { return spillway::aligned(bytes, kDirectAlignment); }
 
 struct Run {
   uint64_t offset_bytes = 0;

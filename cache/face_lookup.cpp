@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "cache/base/clamp_unit.h"
 #include "cache/texture_cache.h"
 
 namespace spillway::cache {
@@ -24,8 +25,6 @@ Levels levels_of(const FaceInfo& face, const FaceTextureRequest& request) {
   if (request.choice == FaceLevelChoice::stochastic) return {fine + (request.random < blend ? 1u : 0u), 0};
   return {fine, blend};
 }
-
-float unit(float x) { return !(x > 0) ? 0 : std::min(x, 1.0f); }
 
 // A face at a level: how many texels it has there, and where they lie.
 struct FaceLevel {
@@ -51,10 +50,6 @@ FaceLevel face_level(const FaceTexture& t, uint32_t face, uint32_t level) {
           is_constant};
 }
 
-uint64_t tile_of(const FaceLevel& f, uint32_t x, uint32_t y) {
-  return f.image->first_tile + uint64_t{y / kFaceTileSize} * f.image->tiles_across() + x / kFaceTileSize;
-}
-
 // A sum of weighted texels.
 struct Gather {
   TileThread& thread;
@@ -65,7 +60,7 @@ struct Gather {
   const std::byte* texel(const FaceLevel& f, uint32_t i, uint32_t j) {
     const uint32_t x = f.x0 + (f.is_constant ? 0 : i), y = f.y0 + (f.is_constant ? 0 : j);
     const std::byte* tile = thread.tile(*texture.tiles, f.image_index, 0, x, y,
-                                        texture.tiles->first_tile + tile_of(f, x, y), texture.owner);
+                                        texture.tiles->first_tile + f.image->tile_at(x, y), texture.owner);
     if (tile == nullptr) return nullptr;
     return tile + ((y % kFaceTileSize) * kFaceTileSize + x % kFaceTileSize) * texture.file->format().texel_bytes();
   }
@@ -204,7 +199,7 @@ bool Gather::triangle_beyond(uint32_t face, uint32_t log2, FacePlace place, floa
   }
   const uint32_t there = texture.faces[face].ulog2;
   const FaceLevel g = face_level(texture, face, there > log2 ? there - log2 : 0);
-  const TexelIndex at = triangle_texel({unit(place.u), unit(place.v)}, 1 << g.ulog2);
+  const TexelIndex at = triangle_texel({clamp_unit(place.u), clamp_unit(place.v)}, 1 << g.ulog2);
   return add(g, static_cast<uint32_t>(at.u), static_cast<uint32_t>(at.v), share);
 }
 
@@ -218,6 +213,32 @@ constexpr size_t kAhead = 8;        // lookups, of texels: reads from memory und
 constexpr size_t kFacesAhead = 16;  // and of what is known of faces
 static_assert((kAhead & (kAhead - 1)) == 0);
 
+// The face of the latest lookup at its level, as long as lookups stay there.
+struct FaceInHand {
+  static constexpr uint32_t kNoLevel = UINT32_MAX;
+  uint32_t texture = UINT32_MAX, face = kNoFace, level = kNoLevel;
+  const FaceInfo* info = nullptr;  // null: its lookups take the general path
+  uint32_t image_index = 0, x0 = 0, y0 = 0, tiles_across = 0;
+  int last_i = 0, last_j = 0;  // texels that have a neighbour to the right, and above, are before these
+  float width = 0, height = 0;
+  uint64_t first_tile = 0;  // of the image, in the cache's numbering
+
+  void take(const FaceTexture& t, const FaceTextureRequest& request) {
+    texture = request.texture, face = request.face, level = kNoLevel, info = nullptr;
+    if (!t.is_bytes || face >= t.faces.size()) return;
+    const FaceInfo& found = t.faces[face];
+    if ((found.flags & (kFaceIsConstant | kFaceNeighbourhoodIsConstant)) == 0) info = &found;
+  }
+  void turn_to(const FaceTexture& t, uint32_t to) {
+    level = to;
+    const FaceLevel f = face_level(t, face, level);
+    image_index = f.image_index, x0 = f.x0, y0 = f.y0, tiles_across = f.image->tiles_across();
+    last_i = (1 << f.ulog2) - 1, last_j = (1 << f.vlog2) - 1;
+    width = static_cast<float>(1 << f.ulog2), height = static_cast<float>(1 << f.vlog2);
+    first_tile = t.tiles->first_tile + f.image->first_tile;
+  }
+};
+
 // A lookup in one level of a quad of bytes whose four texels lie in one tile: where they are and what they weigh. Other
 // lookups are found not to be `inside`, and take the general path. The arithmetic is that of Gather::quad.
 struct Inside {
@@ -228,63 +249,62 @@ struct Inside {
   float shares[4];
 };
 
-Inside find_inside(const FaceTexture& t, const FaceTextureRequest& request) {
-  Inside found;
-  if (!t.is_bytes || request.face >= t.faces.size()) return found;
-  const FaceInfo& face = t.faces[request.face];
-  if (face.flags & (kFaceIsConstant | kFaceNeighbourhoodIsConstant)) return found;
-  const Levels levels = levels_of(face, request);
-  if (levels.blend > 0) return found;
-  const FaceLevel f = face_level(t, request.face, levels.fine);
-  const int width = 1 << f.ulog2, height = 1 << f.vlog2;
-  const float x = unit(request.u) * static_cast<float>(width) - 0.5f;
-  const float y = unit(request.v) * static_cast<float>(height) - 0.5f;
+void find_inside(const FaceTexture& t, const FaceTextureRequest& request, FaceInHand& face, Inside& found) {
+  found.inside = false;
+  if (request.face != face.face || request.texture != face.texture) face.take(t, request);
+  if (face.info == nullptr) return;
+  const Levels levels = levels_of(*face.info, request);
+  if (levels.blend > 0) return;
+  if (levels.fine != face.level) face.turn_to(t, levels.fine);
+  const float x = clamp_unit(request.u) * face.width - 0.5f, y = clamp_unit(request.v) * face.height - 0.5f;
   const float floor_x = std::floor(x), floor_y = std::floor(y);
   const int i = static_cast<int>(floor_x), j = static_cast<int>(floor_y);
-  if (i < 0 || j < 0 || i + 1 >= width || j + 1 >= height) return found;
-  found.x = f.x0 + static_cast<uint32_t>(i), found.y = f.y0 + static_cast<uint32_t>(j);
+  if (i < 0 || j < 0 || i >= face.last_i || j >= face.last_j) return;
+  found.x = face.x0 + static_cast<uint32_t>(i), found.y = face.y0 + static_cast<uint32_t>(j);
   const uint32_t in_x = found.x % kFaceTileSize, in_y = found.y % kFaceTileSize;
-  if (in_x == kFaceTileSize - 1 || in_y == kFaceTileSize - 1) return found;
+  if (in_x == kFaceTileSize - 1 || in_y == kFaceTileSize - 1) return;
   const float fx = x - floor_x, fy = y - floor_y;
   found.inside = true;
   found.shares[0] = (1 - fx) * (1 - fy), found.shares[1] = fx * (1 - fy);
   found.shares[2] = (1 - fx) * fy, found.shares[3] = fx * fy;
-  found.image_index = f.image_index;
-  found.tile = t.tiles->first_tile + tile_of(f, found.x, found.y);
+  found.image_index = face.image_index;
+  found.tile =
+      face.first_tile + uint64_t{found.y / kFaceTileSize} * face.tiles_across + found.x / kFaceTileSize;
   found.offset = (in_y * kFaceTileSize + in_x) * t.channels;
-  return found;
 }
 
 // Sums as Gather::add makes them, channel by channel.
 template <uint32_t kChannels>
-void add_four(const FaceTexture& t, const std::byte* at, const float* shares, float* sum) {
+Texel sum_of_four(const FaceTexture& t, const std::byte* at, const float* shares) {
   constexpr size_t kUp = kFaceTileSize * kChannels;
   const std::byte* const texels[4] = {at, at + kChannels, at + kUp, at + kUp + kChannels};
   const float scale = 1 / (shares[0] + shares[1] + shares[2] + shares[3]);
+  float sum[kChannels];
   for (uint32_t c = 0; c < kChannels; ++c) {
     const float* const table = t.byte_tables[c];
     float value = 0;
     for (int k = 0; k < 4; ++k) value += shares[k] * table[static_cast<uint8_t>(texels[k][c])];
     sum[c] = scale * value;
   }
+  return spread_channels(sum, kChannels);
 }
 
-bool look_up_inside(TileThread& thread, const FaceTexture& t, const Inside& found, float* sum) {
+bool look_up_inside(TileThread& thread, const FaceTexture& t, const Inside& found, Texel& value) {
   const std::byte* const tile = thread.tile(*t.tiles, found.image_index, 0, found.x, found.y, found.tile, t.owner);
   if (tile == nullptr) return false;
   const std::byte* const at = tile + found.offset;
   switch (t.channels) {
     case 1:
-      add_four<1>(t, at, found.shares, sum);
+      value = sum_of_four<1>(t, at, found.shares);
       break;
     case 2:
-      add_four<2>(t, at, found.shares, sum);
+      value = sum_of_four<2>(t, at, found.shares);
       break;
     case 3:
-      add_four<3>(t, at, found.shares, sum);
+      value = sum_of_four<3>(t, at, found.shares);
       break;
     default:
-      add_four<4>(t, at, found.shares, sum);
+      value = sum_of_four<4>(t, at, found.shares);
   }
   return true;
 }
@@ -311,12 +331,15 @@ void FaceTexture::choose_tables() {
 }
 
 size_t look_up_faces(TileThread& thread, std::span<const FaceTexture> textures,
-                     std::span<const FaceTextureRequest> requests, std::span<Texel> values) {
+                     std::span<const FaceTextureRequest> requests, std::span<Texel> values,
+                     std::span<const uint64_t> users) {
   std::array<Inside, kAhead> ahead;
+  FaceInHand face;
   const auto find = [&](size_t i) {
     const FaceTexture& texture = textures[requests[i].texture];
-    ahead[i % kAhead] = find_inside(texture, requests[i]);
-    prefetch(thread, texture, ahead[i % kAhead]);
+    Inside& found = ahead[i % kAhead];
+    find_inside(texture, requests[i], face, found);
+    prefetch(thread, texture, found);
   };
   const size_t count = requests.size();
   for (size_t i = 0; i < std::min(kAhead, count); ++i) find(i);
@@ -324,14 +347,18 @@ size_t look_up_faces(TileThread& thread, std::span<const FaceTexture> textures,
     const FaceTextureRequest& request = requests[i];
     const FaceTexture& texture = textures[request.texture];
     if (request.face >= texture.faces.size()) return i;
-    if (i + kFacesAhead < count)
+    if (i + kFacesAhead < count && requests[i + kFacesAhead].face != requests[i + kFacesAhead - 1].face)
       prefetch_face(textures[requests[i + kFacesAhead].texture], requests[i + kFacesAhead].face);
-    float sum[4] = {0, 0, 0, 0};
+    if (!users.empty()) thread.set_user(users[i]);
     ++thread.counters[texture.owner].lookups;
     const Inside& found = ahead[i % kAhead];
-    if (!(found.inside ? look_up_inside(thread, texture, found, sum) : look_up_face(thread, texture, request, sum)))
-      return i;
-    values[i] = spread_channels(sum, texture.channels);
+    if (found.inside) {
+      if (!look_up_inside(thread, texture, found, values[i])) return i;
+    } else {
+      float sum[4] = {0, 0, 0, 0};
+      if (!look_up_face(thread, texture, request, sum)) return i;
+      values[i] = spread_channels(sum, texture.channels);
+    }
     if (i + kAhead < count) find(i + kAhead);
   }
   return count;
@@ -339,7 +366,7 @@ size_t look_up_faces(TileThread& thread, std::span<const FaceTexture> textures,
 
 bool look_up_face(TileThread& thread, const FaceTexture& texture, const FaceTextureRequest& request, float* sum) {
   const FaceInfo& face = texture.faces[request.face];
-  float u = unit(request.u), v = unit(request.v);
+  float u = clamp_unit(request.u), v = clamp_unit(request.v);
   const bool is_quad = texture.texture->shape == FaceShape::quad;
   if (!is_quad && u + v > 1) u /= u + v, v = 1 - u;  // beyond the diagonal of a triangle there is nothing
   Levels levels = levels_of(face, request);
@@ -363,21 +390,21 @@ void append_face_tiles(const FaceTexture& texture, const FaceTextureRequest& req
   for (uint32_t k = 0; k < (levels.blend > 0 ? 2u : 1u); ++k) {
     const FaceLevel f = face_level(texture, request.face, levels.fine + k);
     if (f.is_constant) {
-      tiles.push_back(tile_of(f, f.x0, f.y0));
+      tiles.push_back(f.image->tile_at(f.x0, f.y0));
       continue;
     }
     const float width = static_cast<float>(1u << f.ulog2), height = static_cast<float>(1u << f.vlog2);
     const auto place = [](float at, float size) {
-      return static_cast<uint32_t>(std::clamp(unit(at) * size - 0.5f, 0.0f, size - 1));
+      return static_cast<uint32_t>(std::clamp(clamp_unit(at) * size - 0.5f, 0.0f, size - 1));
     };
     const uint32_t x = f.x0 + place(request.u, width), y = f.y0 + place(request.v, height);
-    tiles.push_back(tile_of(f, x, y));
+    tiles.push_back(f.image->tile_at(x, y));
     // The blend reaches one texel further.
     const bool more_x = x % kFaceTileSize == kFaceTileSize - 1 && x + 1 < f.x0 + (1u << f.ulog2);
     const bool more_y = y % kFaceTileSize == kFaceTileSize - 1 && y + 1 < f.y0 + (1u << f.vlog2);
-    if (more_x) tiles.push_back(tile_of(f, x + 1, y));
-    if (more_y) tiles.push_back(tile_of(f, x, y + 1));
-    if (more_x && more_y) tiles.push_back(tile_of(f, x + 1, y + 1));
+    if (more_x) tiles.push_back(f.image->tile_at(x + 1, y));
+    if (more_y) tiles.push_back(f.image->tile_at(x, y + 1));
+    if (more_x && more_y) tiles.push_back(f.image->tile_at(x + 1, y + 1));
   }
 }
 

@@ -50,8 +50,10 @@ struct FaceTexture {
 
 // values[i] answers requests[i]. Returns how many were answered before a face that is not there, or a tile that cannot
 // be read. Fastest when neighbours share faces: what a lookup reads is asked of the memory some lookups ahead.
+// users[i]: who asks, where first users are noted.
 size_t look_up_faces(TileThread& thread, std::span<const FaceTexture> textures,
-                     std::span<const FaceTextureRequest> requests, std::span<Texel> values);
+                     std::span<const FaceTextureRequest> requests, std::span<Texel> values,
+                     std::span<const uint64_t> users = {});
 
 // Adds the linear value to sum[0 .. channels); false when a tile cannot be read.
 bool look_up_face(TileThread& thread, const FaceTexture& texture, const FaceTextureRequest& request, float* sum);

@@ -225,9 +225,7 @@ Result<std::vector<std::byte>> FaceTexFile::texels(const FaceTexTexture& texture
   for (uint32_t y = 0; y < height; y += step_y)
     for (uint32_t x = 0; x < width; x += step_x) {
       const uint32_t at_x = x0 + x, at_y = y0 + y;
-      const uint64_t tile_number =
-          image.first_tile + uint64_t{at_y / kFaceTileSize} * image.tiles_across() + at_x / kFaceTileSize;
-      SPILLWAY_TRY(read_tile(tile_number, tile));
+      SPILLWAY_TRY(read_tile(image.tile_at(at_x, at_y), tile));
       for (uint32_t row = 0; row < step_y; ++row)
         std::memcpy(out.data() + (size_t{y + row} * width + x) * texel,
                     tile.data() + ((size_t{at_y + row} % kFaceTileSize) * kFaceTileSize + at_x % kFaceTileSize) * texel,

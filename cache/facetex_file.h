@@ -113,6 +113,10 @@ struct FaceTexImage {
   // Of a face's texel (0, 0).
   [[nodiscard]] uint32_t x_of(uint32_t number) const { return (number & (faces_per_row() - 1)) << ulog2; }
   [[nodiscard]] uint32_t y_of(uint32_t number) const { return number >> faces_per_row_log2() << vlog2; }
+  // The tile, of the file, that texel (x, y) lies in.
+  [[nodiscard]] uint64_t tile_at(uint32_t x, uint32_t y) const {
+    return first_tile + uint64_t{y / kFaceTileSize} * tiles_across() + x / kFaceTileSize;
+  }
 };
 
 [[nodiscard]] constexpr uint32_t reduced_log2(uint32_t log2, uint32_t level) { return log2 > level ? log2 - level : 0; }

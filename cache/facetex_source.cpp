@@ -86,8 +86,7 @@ class FaceTexInput final : public OIIO::ImageInput {
     const auto images = source_->file().images();
     if (miplevel != 0 || subimage < 0 || static_cast<size_t>(subimage) >= images.size()) return false;
     const FaceTexImage& image = images[static_cast<size_t>(subimage)];
-    const uint64_t tile = image.first_tile + uint64_t{static_cast<uint32_t>(y) / kFaceTileSize} * image.tiles_across() +
-                          static_cast<uint32_t>(x) / kFaceTileSize;
+    const uint64_t tile = image.tile_at(static_cast<uint32_t>(x), static_cast<uint32_t>(y));
     const Status read =
         source_->read_tile(tile, {static_cast<std::byte*>(data), source_->file().format().tile_bytes()});
     return read ? true : tell(read.error());

@@ -8,6 +8,7 @@
 #include <thread>
 #include <utility>
 
+#include "cache/base/alignment.h"
 #include "cache/base/check.h"
 #include "cache/base/hash.h"
 #include "cache/residency.h"
@@ -16,7 +17,7 @@
 namespace spillway::cache {
 namespace {
 
-uint64_t aligned(uint64_t bytes) { return (bytes + kDirectAlignment - 1) / kDirectAlignment * kDirectAlignment; }
+uint64_t aligned(uint64_t bytes) { return spillway::aligned(bytes, kDirectAlignment); }
 
 // Chunks of one buffer, given back in the order in which they were placed.
 class Ring {

@@ -6,6 +6,7 @@
 #include <future>
 #include <vector>
 
+#include "cache/base/alignment.h"
 #include "cache/base/check.h"
 #include "cache/base/hash.h"
 #include "cache/base/parallel.h"
@@ -26,7 +27,7 @@ struct BlockHeader {
   uint64_t checksum;  // of the records
 };
 
-uint64_t aligned(uint64_t bytes) { return (bytes + kDirectAlignment - 1) / kDirectAlignment * kDirectAlignment; }
+uint64_t aligned(uint64_t bytes) { return spillway::aligned(bytes, kDirectAlignment); }
 
 }  // namespace
 

@@ -4,6 +4,7 @@
 #include <array>
 #include <cstring>
 
+#include "cache/base/alignment.h"
 #include "cache/base/check.h"
 #include "cache/base/hash.h"
 
@@ -34,7 +35,7 @@ struct SectionEntry {
   uint64_t checksum;
 };
 
-uint64_t aligned(uint64_t n) { return (n + kAlignment - 1) / kAlignment * kAlignment; }
+uint64_t aligned(uint64_t n) { return spillway::aligned(n, kAlignment); }
 
 uint64_t header_checksum(FileHeader header, std::span<const SectionEntry> entries) {
   header.checksum = 0;

@@ -9,6 +9,7 @@
 #include <cstring>
 #include <map>
 
+#include "cache/base/check.h"
 #include "cache/base/memory.h"
 
 namespace spillway::cache {
@@ -292,11 +293,26 @@ Result<std::unique_ptr<TextureCache>> TextureCache::open(const std::filesystem::
   return std::unique_ptr<TextureCache>(new TextureCache(std::move(state)));
 }
 
-Status TextureCache::look_up(std::span<const TextureRequest> requests, std::span<Texel> values) {
+uint64_t TextureCache::tile_count(std::span<const ImageInfo> images, std::span<const FaceContainerInfo> containers) {
+  uint64_t count = 0;
+  for (const ImageInfo& image : images)
+    for (uint32_t level = 0; level < image.levels; ++level) count += tiles_of_level(image, level);
+  for (const FaceContainerInfo& c : containers) count += c.tile_count;
+  return count;
+}
+
+void TextureCache::note_first_users(std::span<uint64_t> by_tile) {
+  SPILLWAY_CHECK(by_tile.empty() || by_tile.size() == state_->cache.tile_count(), ==, true);
+  state_->cache.note_first_users(by_tile);
+}
+
+Status TextureCache::look_up(std::span<const TextureRequest> requests, std::span<Texel> values,
+                             std::span<const uint64_t> users) {
   State& s = *state_;
   TileThread& thread = s.thread();
   for (size_t i = 0; i < requests.size(); ++i) {
     float sum[4] = {0, 0, 0, 0};
+    if (!users.empty()) thread.set_user(users[i]);
     ++thread.counters[requests[i].image].lookups;
     if (!s.look_up(thread, requests[i], sum))
       return error("{}: a tile cannot be read: {}; pack the scene again", s.images[requests[i].image].tiles.path,
@@ -310,9 +326,10 @@ Status TextureCache::look_up(std::span<const TextureRequest> requests, std::span
 
 bool TextureCache::has_face_textures() const { return !state_->faces.empty(); }
 
-Status TextureCache::look_up_faces(std::span<const FaceTextureRequest> requests, std::span<Texel> values) {
+Status TextureCache::look_up_faces(std::span<const FaceTextureRequest> requests, std::span<Texel> values,
+                                   std::span<const uint64_t> users) {
   State& s = *state_;
-  const size_t done = cache::look_up_faces(s.thread(), s.faces, requests, values);
+  const size_t done = cache::look_up_faces(s.thread(), s.faces, requests, values, users);
   if (done == requests.size()) return {};
   const FaceTexture& texture = s.faces[requests[done].texture];
   if (requests[done].face >= texture.faces.size())

@@ -99,7 +99,7 @@ class TextureCache {
   struct Options {
     uint64_t memory_limit_bytes = 256 << 20;  // larger: fewer tiles are read again
     bool direct = false;                      // face textures bypass the page cache where possible
-    bool is_logged = false;                   // wave_tiles() is asked for: four bytes more a tile
+    bool is_logged = false;                   // what waves read is asked for by tile: four bytes more a tile
   };
   static Result<std::unique_ptr<TextureCache>> open(const std::filesystem::path& textures_directory,
                                                     std::span<const ImageInfo> images, Options options,
@@ -110,19 +110,28 @@ class TextureCache {
   [[nodiscard]] static uint64_t bytes_for_all(std::span<const ImageInfo> images,
                                               std::span<const FaceContainerInfo> containers = {});
 
-  // values[i] answers requests[i]. Fastest when neighbours in the block share tiles.
-  Status look_up(std::span<const TextureRequest> requests, std::span<Texel> values);
-  Status look_up_faces(std::span<const FaceTextureRequest> requests, std::span<Texel> values);
+  // values[i] answers requests[i]. Fastest when neighbours in the block share tiles. users[i]: who asks, where first
+  // users are noted.
+  Status look_up(std::span<const TextureRequest> requests, std::span<Texel> values,
+                 std::span<const uint64_t> users = {});
+  Status look_up_faces(std::span<const FaceTextureRequest> requests, std::span<Texel> values,
+                       std::span<const uint64_t> users = {});
   // Reads ahead, compressed, what these lookups need and has probably not been kept. While no thread looks up.
   Status stage_faces(std::span<const FaceTextureRequest> requests);
   [[nodiscard]] bool has_face_textures() const;
+  // The tiles there are, which is how they are numbered.
+  [[nodiscard]] static uint64_t tile_count(std::span<const ImageInfo> images,
+                                           std::span<const FaceContainerInfo> containers);
+  // The least of the users that look into each tile goes there, unless a lesser one is there; empty: nobody asks. While
+  // no thread looks up.
+  void note_first_users(std::span<uint64_t> by_tile);
 
   // Tiles count anew as touched and read, see TextureCounters. While no thread looks up.
   void begin_wave();
   [[nodiscard]] TextureCounters counters() const;
   // Images first, then face textures.
   [[nodiscard]] std::vector<TextureCounters> counters_by_texture() const;
-  // What the wave touched and read so far, by tile; while no thread looks up. With Options::is_logged.
+  // What the wave touched and, with Options::is_logged, read so far, by tile; while no thread looks up.
   struct WaveTileUse {
     std::span<const uint64_t> touched_bits;
     std::span<const uint32_t> read_counts;

@@ -141,7 +141,9 @@ const std::byte* TileThread::fetch(const TileFile& file, uint32_t subimage, uint
     std::atomic_ref(cache_.used_at_[number])
         .store(cache_.reads_.load(std::memory_order_relaxed), std::memory_order_relaxed);
   }
-  held.wave = wave_;
+  const bool tells_all = !cache_.first_users_.empty();
+  held.wave = tells_all ? UINT64_MAX : wave_;  // no wave's: the next lookup comes here again
+  if (tells_all) cache_.note_user(number, user_);
   if (TileCache::set(cache_.touched_in_wave_, number)) return held.pixels;
   const uint64_t bytes = file.face_tex ? file.face_tex->tiles()[number - file.first_tile].size_bytes : file.tile_bytes;
   ++counts.wave_tiles_touched, counts.wave_unique_bytes += bytes, counts.wave_decoded_bytes += file.tile_bytes;
@@ -225,7 +227,14 @@ std::string TileCache::failure() const { return process_cache().geterror(); }
 
 bool TileCache::set(Buffer<uint64_t>& bits, uint64_t number) {
   const uint64_t bit = uint64_t{1} << (number % 64);
-  return (std::atomic_ref(bits[number / 64]).fetch_or(bit) & bit) != 0;
+  std::atomic_ref word(bits[number / 64]);
+  return (word.load(std::memory_order_relaxed) & bit) != 0 || (word.fetch_or(bit) & bit) != 0;
+}
+
+void TileCache::note_user(uint64_t number, uint64_t user) {
+  std::atomic_ref first(first_users_[number]);
+  uint64_t known = first.load(std::memory_order_relaxed);
+  while (user < known && !first.compare_exchange_weak(known, user, std::memory_order_relaxed)) continue;
 }
 
 }  // namespace spillway::cache

@@ -5,7 +5,8 @@
 // Owns: nothing of the library's; a TileCache is one user of it, with its files and counters.
 // Memory: the library's limit on tiles, set by the latest user, in which what threads keep at hand is counted, a
 //         quarter of it at most; 35 bits a tile, tag textures.
-// Threads: each thread has a TileThread, and fetches through it; begin_wave(), counters() while no thread fetches.
+// Threads: each thread has a TileThread, and fetches through it; begin_wave(), note_first_users() and
+//         counters() while no thread fetches.
 // Fails: fetch() gives null when a tile cannot be read; failure() says why.
 
 #include <array>
@@ -61,6 +62,8 @@ class TileThread {
 
   // Call before a block of lookups.
   void begin_block();
+  // Who asks from here on, where first users are noted.
+  void set_user(uint64_t user) { user_ = user; }
   // Pixels of the tile at (x, y), number `number`; null when it cannot be read. `owner`: whose counters it goes to.
   const std::byte* tile(const TileFile& file, uint32_t subimage, uint32_t level, uint32_t x, uint32_t y,
                         uint64_t number, uint32_t owner) {
@@ -87,7 +90,7 @@ class TileThread {
 
   TileCache& cache_;
   void* perthread_ = nullptr;
-  uint64_t wave_ = 0, held_mask_;
+  uint64_t wave_ = 0, held_mask_, user_ = UINT64_MAX;
   std::array<Held, kHeldTiles> held_;
 };
 
@@ -112,6 +115,10 @@ class TileCache {
   // All files added: takes the tables that count; those of reads by tile (tag trace_log) when a log is kept.
   void begin(uint32_t owner_count, bool is_logged);
   void begin_wave();
+  // From here on: the least user who looks into each tile is written there, by tile, unless a lesser one is. A lookup
+  // then tells of every tile, also of those at hand. Empty: nobody asks.
+  void note_first_users(std::span<uint64_t> by_tile) { first_users_ = by_tile; }
+  [[nodiscard]] uint64_t tile_count() const { return tile_count_; }
   // That a thread keeps at hand: a power of two.
   [[nodiscard]] uint64_t held_tiles() const { return held_tiles_; }
   // Of the wave under way, while no thread fetches: a bit for each tile that was touched; and, when a log is kept, how
@@ -130,6 +137,7 @@ class TileCache {
  private:
   friend class TileThread;
   static bool set(Buffer<uint64_t>& bits, uint64_t number);  // whether it was
+  void note_user(uint64_t number, uint64_t user);
 
   std::vector<std::string> paths_;
   uint64_t limit_bytes_, tile_count_ = 0, largest_tile_bytes_ = 1, held_tiles_ = TileThread::kHeldTiles;
@@ -139,6 +147,7 @@ class TileCache {
   Buffer<uint64_t> touched_, touched_in_wave_, read_in_wave_;  // a bit a tile
   Buffer<uint32_t> used_at_;                                   // a tile: reads_ when it was last fetched
   Buffer<uint32_t> reads_of_tile_;                             // in this wave; none without a log
+  std::span<uint64_t> first_users_;
   std::atomic<uint32_t> reads_{1};
 };
 

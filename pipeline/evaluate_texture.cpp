@@ -188,12 +188,13 @@ cache::Texel image_value(const TextureNode& node, cache::Texel texel) {
 Status TextureEvaluator::evaluate(std::span<const TextureQuery> queries, std::span<cache::Texel> values,
                                   Scratch& scratch) const {
   scratch.requests.clear(), scratch.face_requests.clear();
+  scratch.users.clear(), scratch.face_users.clear();
   for (const TextureQuery& query : queries) collect_and_count(query, scratch);
   scratch.texels.resize(scratch.requests.size());
-  if (!scratch.requests.empty()) SPILLWAY_TRY(images_->look_up(scratch.requests, scratch.texels));
+  if (!scratch.requests.empty()) SPILLWAY_TRY(images_->look_up(scratch.requests, scratch.texels, scratch.users));
   if (!scratch.face_requests.empty()) {
     scratch.face_texels.resize(scratch.face_requests.size());
-    SPILLWAY_TRY(images_->look_up_faces(scratch.face_requests, scratch.face_texels));
+    SPILLWAY_TRY(images_->look_up_faces(scratch.face_requests, scratch.face_texels, scratch.face_users));
   }
   Texels next{scratch.texels.data(), scratch.face_texels.data()};
   for (size_t i = 0; i < queries.size(); ++i) values[i] = combine(queries[i].texture, queries[i], next);
@@ -204,8 +205,11 @@ void TextureEvaluator::collect_and_count(const TextureQuery& query, Scratch& scr
   const size_t before = scratch.lookup_count();
   collect(query.texture, query, scratch);
   if (scratch.tally.counts.empty()) return;
-  scratch.tally.counts[static_cast<size_t>(query.point - scratch.tally.points)] +=
-      static_cast<uint32_t>(scratch.lookup_count() - before);
+  const auto point = static_cast<size_t>(query.point - scratch.tally.points);
+  scratch.tally.counts[point] += static_cast<uint32_t>(scratch.lookup_count() - before);
+  if (scratch.tally.users.empty()) return;
+  scratch.users.resize(scratch.requests.size(), scratch.tally.users[point]);
+  scratch.face_users.resize(scratch.face_requests.size(), scratch.tally.users[point]);
 }
 
 // Image lookups of a node, in the order in which combine() takes their texels.

@@ -31,10 +31,11 @@ struct TextureQuery {
 // The textures of a material's own parameters whose graphs have face textures.
 [[nodiscard]] std::vector<uint32_t> face_texture_params(const Material& material, std::span<const TextureNode> nodes);
 
-// Counts lookups by the point they are made for. Empty: nobody asks.
+// Counts lookups by the point they are made for, and says who asks. Empty: nobody wants to know.
 struct LookupTally {
   const ShadingPoint* points = nullptr;  // all queries' points are among these
   std::span<uint32_t> counts = {};
+  std::span<const uint64_t> users = {};  // by point, for TextureCache::note_first_users(); with counts
 };
 
 class TextureEvaluator {
@@ -47,6 +48,7 @@ class TextureEvaluator {
     std::vector<cache::TextureRequest> requests;
     std::vector<cache::FaceTextureRequest> face_requests;
     std::vector<cache::Texel> texels, face_texels;
+    std::vector<uint64_t> users, face_users;  // of the requests, where they are told
     LookupTally tally;
     [[nodiscard]] size_t lookup_count() const { return requests.size() + face_requests.size(); }
   };

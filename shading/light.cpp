@@ -4,15 +4,11 @@
 #include <cmath>
 
 #include "shading/frame.h"
+#include "shading/smoothstep.h"
 #include "shading/trigonometry.h"
 
 namespace spillway::shading {
 namespace {
-
-float smoothstep(float edge0, float edge1, float x) {
-  const float t = std::clamp((x - edge0) / (edge1 - edge0), 0.0f, 1.0f);
-  return t * t * (3 - 2 * t);
-}
 
 float spot_falloff(const Light& light, Float3 w_from_light) {
   const float cosine = dot(light.edge1, w_from_light);

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "shading/exponential.h"
+#include "shading/smoothstep.h"
 #include "shading/trigonometry.h"
 
 namespace spillway::shading {
@@ -58,11 +59,6 @@ Cell cell_of(float x) {
 
 float lerp(float t, float a, float b) { return (1 - t) * a + t * b; }
 
-float smoothstep(float x, float edge0, float edge1) {
-  const float t = std::clamp((x - edge0) / (edge1 - edge0), 0.0f, 1.0f);
-  return t * t * (3 - 2 * t);
-}
-
 constexpr float kLacunarity = 1.99f;    // not 2: lattices of octaves must not coincide (pbrt-v4)
 constexpr float kMeanMagnitude = 0.2f;  // of |noise|: what octaves that are left out add to turbulence
 
@@ -76,7 +72,7 @@ Octaves visible_octaves(float width, uint32_t most) {
   if (width > 1) return {0, 0};
   const float count = std::min(std::max(-1 - static_cast<float>(log2_of(width)), 0.0f), static_cast<float>(most));
   const auto whole = static_cast<uint32_t>(count);
-  return {whole, smoothstep(count - static_cast<float>(whole), 0.3f, 0.7f)};
+  return {whole, smoothstep(0.3f, 0.7f, count - static_cast<float>(whole))};
 }
 
 // pbrt's colours of marble along its vein, control points of cubic Bezier segments that share three points each.

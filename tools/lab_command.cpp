@@ -1,6 +1,7 @@
 #include <fmt/ranges.h>
 #include <tbb/task_arena.h>
 
+#include <algorithm>
 #include <atomic>
 #include <csignal>
 #include <memory>
@@ -57,15 +58,43 @@ lab::OpenStore opener(const LabArguments& a, size_t index) {
   };
 }
 
+// Of all scenes, or of those that there was time for.
 Result<std::vector<lab::SceneResult>> run_scenes(const LabArguments& a) {
   std::vector<lab::SceneResult> results;
-  for (size_t i = 0; i < a.scenes.size(); ++i) {
+  for (size_t i = 0; i < a.scenes.size() && !lab_stop_requested; ++i) {
     const bool can_pack = a.scenes[i].extension() == ".pbrt";
     SPILLWAY_ASSIGN(auto result,
                     lab::run_experiment(a.scenes[i].stem().string(), opener(a, i), can_pack, a.experiment));
     results.push_back(std::move(result));
   }
   return results;
+}
+
+std::string scene_list(std::span<const std::filesystem::path> scenes) {
+  std::string list;
+  for (const auto& scene : scenes) list += " " + scene.string();
+  return list;
+}
+
+// Of a run that was stopped: its numbers, and the commands that measure the rest.
+Result<int> end_unfinished(const LabArguments& a, std::span<const lab::SceneResult> results) {
+  size_t renders = 0;
+  for (const lab::SceneResult& scene : results) renders += scene.rows.size();
+  if (renders > 0) SPILLWAY_TRY(lab::write_unfinished(a.output, results));
+  std::string said = fmt::format("interrupted after {} renders: no page was written", renders);
+  if (renders > 0) said += fmt::format("; {} and unfinished_summary.csv hold them",
+                                       (a.output / "unfinished_results.csv").string());
+  said += ". The rest, with the other options as they were:";
+  const std::span<const std::filesystem::path> scenes = a.scenes;
+  const std::string output = " -o " + a.output.string();
+  const size_t done = results.size();
+  if (done > 0 && !results.back().missing_axes.empty())
+    said += fmt::format("\n  spillway lab{} --axis {}{}", scene_list(scenes.subspan(done - 1, 1)),
+                        fmt::join(results.back().missing_axes, ","), output);
+  if (done < scenes.size())
+    said += fmt::format("\n  spillway lab{} --axis {}{}", scene_list(scenes.subspan(done)),
+                        fmt::join(a.experiment.axes, ","), output);
+  return fail(said, kExitInterrupted);
 }
 
 Result<int> run_lab(LabArguments& a) {
@@ -83,6 +112,8 @@ Result<int> run_lab(LabArguments& a) {
   };
   if (!a.quiet) a.experiment.tell = [](const std::string& line) { fmt::print(stderr, "{}\n", line); };
   SPILLWAY_ASSIGN(const auto results, run_scenes(a));
+  const auto is_whole = [](const lab::SceneResult& scene) { return scene.missing_axes.empty(); };
+  if (results.size() < a.scenes.size() || !std::ranges::all_of(results, is_whole)) return end_unfinished(a, results);
   const int threads = a.threads ? static_cast<int>(a.threads) : tbb::this_task_arena::max_concurrency();
   SPILLWAY_TRY(
       lab::write_lab(a.output, {results, peers.rows, a.command, peers.remark, threads, a.experiment.seed_count}));
@@ -127,8 +158,7 @@ void add_lab_command(CLI::App& app, int& exit_code) {
   command->add_flag("--lenient", a.lenient, "warn about what can be ignored of a scene instead of refusing");
   command->add_flag("-q,--quiet", a.quiet, "errors only");
   command->callback([arguments, &app, &exit_code] {
-    arguments->command = "spillway lab";
-    for (const auto& scene : arguments->scenes) arguments->command += " " + scene.string();
+    arguments->command = "spillway lab" + scene_list(arguments->scenes);
     exit_code = run(*arguments);
   });
 }

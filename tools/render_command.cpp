@@ -275,8 +275,8 @@ void add_meaning(CLI::App& command, RenderArguments& a) {
   command.add_flag("--no-roulette", a.no_roulette, "follow dim paths to the last bounce");
   command.add_flag("--aov", a.aovs, "depth, normal, albedo and id layers");
   command.add_flag("--cost-layers", a.costs,
-                   "layers of what each pixel cost: tree steps, pages waited for, lookups, scatterings, rays; and the "
-                   "dearest meshes and textures in the report");
+                   "layers of what each pixel cost: tree steps, pages waited for, lookups, tiles missed, scatterings, "
+                   "rays; and the dearest meshes and textures in the report");
 }
 
 void add_performance(CLI::App& command, RenderArguments& a) {

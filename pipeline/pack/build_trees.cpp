@@ -13,6 +13,7 @@
 #include <memory>
 #include <numeric>
 
+#include "cache/base/alignment.h"
 #include "cache/base/check.h"
 #include "cache/base/hash.h"
 
@@ -207,7 +208,6 @@ PageParts build_parts(std::span<const PackTriangle> triangles, const BuildOption
   return page;
 }
 
-uint64_t aligned(uint64_t bytes, uint64_t alignment) { return (bytes + alignment - 1) / alignment * alignment; }
 
 // The micromap table and the maps behind it, at `offset` in the page; empty when no triangle has one.
 std::vector<std::byte> micromap_section(const PageParts& page, std::span<const std::vector<std::byte>> micromaps,

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cstring>
 
+#include "cache/base/alignment.h"
 #include "cache/base/check.h"
 
 namespace spillway::pipeline {
@@ -10,7 +11,6 @@ namespace {
 
 constexpr uint64_t kChunkAlignment = 16;
 
-uint64_t aligned(uint64_t n, uint64_t alignment) { return (n + alignment - 1) / alignment * alignment; }
 
 template <class T>
 const std::byte* take(const std::byte* from, std::vector<T>& items, size_t count) {

@@ -303,6 +303,10 @@ Status ScenePacker::add_subdivision(const SubdivisionInput& subdivision) {
   if (!subdivision.cage.material.valid())
     return failed(error("{}: a subdivided cage without a material is not possible; give it one", subdivision.cage.name));
   SPILLWAY_TRY(failed(check_displacement(subdivision)));
+  // Its triangles have no corners that an image could be spread over by itself.
+  if (subdivision.cage.emits && subdivision.cage.emission_texture.valid() && subdivision.cage.uvs.empty())
+    return failed(error("{}: emits by an image, and has no uvs to place it by; give it \"point2 uv\"",
+                        subdivision.cage.name));
   if (face_textures_->size() > 0 && !face_textures_of(subdivision.cage).empty())
     return failed(error("{}: a subdivision surface cannot have face textures yet", subdivision.cage.name));
   auto cage = make_cage(subdivision);

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "cache/base/clamp_unit.h"
 #include "pipeline/render/shade_path.h"
 
 namespace spillway::pipeline {
@@ -12,7 +13,6 @@ namespace {
 constexpr uint32_t kLevelDecision = 0xfffffffeu;
 
 float cross2(Float2 a, Float2 b) { return a.x * b.y - a.y * b.x; }
-float unit(float x) { return !(x > 0) ? 0 : std::min(x, 1.0f); }
 
 // (u, v) of the patch over corners q at p: v solves a quadratic, u follows (Quilez 2010, "inverse bilinear
 // interpolation"). Of its two roots the one at which
@@ -23,10 +23,10 @@ Float2 inverse_bilinear(const Float2 q[4], Float2 p) {
   const float size = std::sqrt(std::max(0.0f, k1 * k1 - 4 * k2 * k0));
   const float root = cross2(q[2] - q[0], q[3] - q[1]) < 0 ? -size : size;
   // The same number twice, without the difference of like ones.
-  const float v = unit(k1 * root < 0 ? (root - k1) / (2 * k2) : -2 * k0 / (k1 + root));
+  const float v = clamp_unit(k1 * root < 0 ? (root - k1) / (2 * k2) : -2 * k0 / (k1 + root));
   const Float2 along = e + g * v, rest = h - f * v;
   const float u = std::fabs(along.x) > std::fabs(along.y) ? rest.x / along.x : rest.y / along.y;
-  return {unit(u), v};
+  return {clamp_unit(u), v};
 }
 
 }  // namespace

@@ -67,7 +67,8 @@ SceneFacts scene_facts(const Store& store, const RenderOptions& options) {
     facts.table_bytes += memory_use(tag).current_bytes;  // held since the store was opened
   facts.film_bytes = Film::bytes(film_shape(options.settings, options.aov_layers));
   if (options.cost_layers) {
-    facts.film_bytes += PixelCosts::bytes(film_shape(options.settings, options.aov_layers), store.meshes().size());
+    facts.film_bytes += PixelCosts::bytes(film_shape(options.settings, options.aov_layers), store.meshes().size(),
+                                          cache::TextureCache::tile_count(store.images(), store.face_containers()));
     facts.has_costs = 1;
   }
   facts.pixel_count = pixel_window(options.settings).pixel_count();

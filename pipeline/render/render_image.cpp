@@ -225,6 +225,7 @@ class RenderLoop {
     SPILLWAY_TRY(shade_hits(state_.inputs, hits, *state_.attributes, *state_.film, wave.paths, wave.shadows,
                             shade_scratch_, report_.shade));
     if (state_.textures) report.textures = gained(state_.textures->counters(), textures_before);
+    if (state_.costs && state_.textures) state_.costs->add_tiles_missed(state_.textures->wave_tiles().touched_bits);
     AccessLog* const log = state_.options.access_log;
     if (log != nullptr && state_.textures) SPILLWAY_TRY(log->tiles.append(state_.textures->wave_tiles()));
     report.partition_count = report_.shade.partition_count - before.partition_count;
@@ -447,7 +448,9 @@ Result<RenderedImage> RenderSession::render(const shading::Camera& camera) {
   const CountersBefore before(state);
   SPILLWAY_TRY(open_film(state));
   RenderedImage image;
+  if (state.costs && state.textures) state.textures->note_first_users(state.costs->first_users());
   const Status rendered = RenderLoop(state, image.report).run();
+  if (state.textures) state.textures->note_first_users({});
   if (rendered) fill_report(state, before, image.report);
   if (rendered && state.options.access_log) fill_log(state, image.report);
   image.film = std::move(state.film), image.costs = std::move(state.costs);

@@ -157,7 +157,10 @@ Status open_film(RenderState& state) {
   SPILLWAY_ASSIGN(Film film, Film::create(film_shape(options.settings, options.aov_layers),
                                           film_identity(state.store, options.settings)));
   state.film = std::make_unique<Film>(std::move(film));
-  if (options.cost_layers) state.costs = std::make_unique<PixelCosts>(state.film->shape(), state.store.meshes().size());
+  if (options.cost_layers)
+    state.costs = std::make_unique<PixelCosts>(
+        state.film->shape(), state.store.meshes().size(),
+        cache::TextureCache::tile_count(state.store.images(), state.store.face_containers()));
   state.inputs.costs = state.costs.get();
   return {};
 }

@@ -1,5 +1,7 @@
 #include "pipeline/render/resolve_material.h"
 
+#include "cache/base/clamp_unit.h"
+
 #include <cmath>
 
 namespace spillway::pipeline {
@@ -33,8 +35,9 @@ float alpha_of(const Material& m, Rgb roughness) {
   return m.remap_roughness ? std::sqrt(r) : r;
 }
 
-float unit(float x) { return x > 0 ? std::min(x, 1.0f) : 0; }  // 0 for what is no number
-Rgb unit(Rgb c) { return {unit(c.r), unit(c.g), unit(c.b)}; }
+Rgb clamp_unit(Rgb c) {
+  return {spillway::clamp_unit(c.r), spillway::clamp_unit(c.g), spillway::clamp_unit(c.b)};
+}
 
 // eta = 1 and the k that reflects r at normal incidence (pbrt-v4, ConductorMaterial).
 float k_for_reflectance(float r) {
@@ -63,8 +66,8 @@ shading::BsdfParams leaf_bsdf(const Material& m, const LeafParams& p) {
   b.base_alpha_x = alpha_of(m, p[kBaseURoughness]), b.base_alpha_y = alpha_of(m, p[kBaseVRoughness]);
   b.eta = m.eta;
   if (b.kind == shading::BsdfKind::coated_diffuse) b.coat_internal_reflectance = m.coat_internal_reflectance;
-  b.reflectance = unit(p[kReflectance]);
-  b.transmittance = unit(p[kTransmittance]);
+  b.reflectance = clamp_unit(p[kReflectance]);
+  b.transmittance = clamp_unit(p[kTransmittance]);
   b.conductor_eta = p[kEta], b.conductor_k = p[kK];
   if (m.uses_reflectance) {
     b.conductor_eta = {1, 1, 1};
@@ -230,7 +233,7 @@ Status MaterialResolver::look_up_emission(std::span<SurfaceQuery> block, Scratch
       q.values.emitted = {std::max(0.0f, texel.value[0]), std::max(0.0f, texel.value[1]),
                           std::max(0.0f, texel.value[2])};
     }
-    if (textures.opacity != TextureId::kNone) q.values.emitted = q.values.emitted * unit((next++)->value[0]);
+    if (textures.opacity != TextureId::kNone) q.values.emitted = q.values.emitted * spillway::clamp_unit((next++)->value[0]);
   }
   return {};
 }

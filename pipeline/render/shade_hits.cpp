@@ -29,6 +29,7 @@ struct BlockScratch {
   std::vector<SplatRecord> splats;
   std::vector<AovRecord> aovs;
   std::array<uint32_t, kBlockHits> lookups;  // by hit, when costs are counted
+  std::array<uint64_t, kBlockHits> users;    // of tiles, likewise
   MaterialResolver::Scratch resolver;
 };
 
@@ -72,6 +73,7 @@ class Shader {
       blocks[b] = ShadedBlock{first};
       shade_block(hits.subspan(first, last - first), bytes, blocks[b]);
     });
+    hits_before_ += hits.size();
     if (!failure_) return failure_.error();
     const std::span<const ShadedBlock> done = std::span(blocks).first(block_count(hits.size(), kBlockHits));
     SPILLWAY_TRY(append(out_.path_rays, out_.paths, done, &ShadedBlock::path_count, paths));
@@ -290,7 +292,9 @@ class Shader {
     scratch.resolver.evaluator.tally = {};
     if (inputs_.costs != nullptr) {
       scratch.lookups.fill(0);
-      scratch.resolver.evaluator.tally = {scratch.points.data(), scratch.lookups};
+      for (size_t i = 0; i < hits.size(); ++i)
+        scratch.users[i] = PixelCosts::tile_user(hits_before_ + out.first + i, hits[i].path.sink);
+      scratch.resolver.evaluator.tally = {scratch.points.data(), scratch.lookups, scratch.users};
     }
     if (const Status status = inputs_.resolver->resolve(queries, scratch.resolver); !status) return fail(status);
     if (inputs_.costs != nullptr) add_costs(queries, scratch);
@@ -311,6 +315,7 @@ class Shader {
   tbb::enumerable_thread_specific<BlockScratch> scratches_;
   Buffer<GatheredHit> gathered_;            // by hit of
   std::span<const HitRecord> gathered_of_;  // this batch; none: hits are gathered as they are shaded
+  uint64_t hits_before_ = 0;                // of this wave, in earlier batches
   std::mutex failure_mutex_;
   Status failure_;
 };

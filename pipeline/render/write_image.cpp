@@ -84,7 +84,7 @@ Status ImageFile::commit() {
 
 // A group of channels: their names, type, and how to fill them for one pixel.
 struct ChannelGroup {
-  std::vector<const char*> names;
+  std::vector<std::string> names;
   TypeDesc type;
   std::function<void(uint32_t x, uint32_t y, std::byte* out)> fill;
 };
@@ -137,14 +137,15 @@ std::vector<ChannelGroup> channel_groups(const Film& film, const WriteImageOptio
                         put(out, film.half_pixel(1, x, y));
                       }});
   }
-  if (options.costs != nullptr)
-    groups.push_back({{"cost.tree_steps", "cost.pages_waited", "cost.texture_lookups", "cost.scatterings", "cost.rays"},
-                      TypeDesc::FLOAT,
-                      [&film, costs = options.costs](auto x, auto y, auto* out) {
+  if (options.costs != nullptr) {
+    std::vector<std::string> names;
+    for (uint32_t c = 0; c < kCostCount; ++c) names.push_back(fmt::format("cost.{}", name(static_cast<Cost>(c))));
+    groups.push_back({std::move(names), TypeDesc::FLOAT, [&film, costs = options.costs](auto x, auto y, auto* out) {
                         const float samples = static_cast<float>(std::max(1u, film.samples()));
                         for (uint32_t c = 0; c < kCostCount; ++c)
                           put(out, static_cast<float>(costs->at(x, y, static_cast<Cost>(c))) / samples);
                       }});
+  }
   return groups;
 }
 
@@ -185,8 +186,8 @@ ImageSpec exr_spec(const Film& film, const std::vector<ChannelGroup>& groups) {
   ImageSpec spec = window_spec(film.shape(), static_cast<int>(channels));
   spec.channelnames.clear();
   for (const ChannelGroup& group : groups)
-    for (const char* channel : group.names) {
-      spec.channelnames.emplace_back(channel);
+    for (const std::string& channel : group.names) {
+      spec.channelnames.push_back(channel);
       spec.channelformats.push_back(group.type);
     }
   spec.alpha_channel = -1;

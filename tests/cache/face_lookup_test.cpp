@@ -90,54 +90,67 @@ TEST_F(FaceLookupTest, inside_a_face_and_across_its_edges_a_ramp_is_a_ramp_howev
   }
 }
 
-// Blocks of lookups, most of which take the short path, against one lookup at a time by the long one: bit for bit.
+// Blocks of lookups, most of which take the short path, against one lookup at a time by the long one: bit for bit. Runs
+// of lookups stay on a face, at any level, of two textures by turns.
 TEST_F(FaceLookupTest, of_bytes_the_short_path_has_the_bits_of_the_long_one) {
   const FaceGrid grid(6, 5, [](uint32_t f) { return f % 4; });
   for (const uint32_t channels : {1u, 2u, 3u, 4u}) {
     const FaceTexFormat format{FaceTexelType::uint8,  channels, channels == 4 ? 3 : -1,
                                FaceTexEncoding::srgb, 1,        FaceTexCodec::lz4};
     open(
+        grid, grid.faces([](uint32_t f) { return std::pair<uint8_t, uint8_t>((f + 5) % 8, (f + 1) % 8); }),
+        [](double x, double y, uint32_t c) { return 0.5 + 0.4 * std::cos(5 * x - 2 * c) * std::cos(8 * y); },
+        FaceBorder::clamp, format);
+    std::filesystem::copy_file(directory_.path() / "a.facetex", directory_.path() / "b.facetex",
+                               std::filesystem::copy_options::overwrite_existing);
+    open(
         grid, grid.faces([](uint32_t f) { return std::pair<uint8_t, uint8_t>(f % 8, (f + 2) % 8); }),
         [](double x, double y, uint32_t c) { return 0.5 + 0.4 * std::sin(9 * x + 3 * c) * std::cos(7 * y); },
         FaceBorder::clamp, format);
-    const auto source = FaceTexSource::open(directory_.path() / "a.facetex", {});
-    ASSERT_TRUE(source) << source.error().message;
-    const FaceTexFile& file = (*source)->file();
     const FaceTexDecoder decoder(format);
+    const auto a = FaceTexSource::open(directory_.path() / "a.facetex", {});
+    const auto b = FaceTexSource::open(directory_.path() / "b.facetex", {});
+    ASSERT_TRUE(a && b);
     TileCache tiles(64 << 20);
-    const auto added = tiles.add_face_tex(**source);
-    ASSERT_TRUE(added);
-    tiles.begin(1, false);
-    FaceTexture texture{
-        &file,  &file.textures()[0], file.faces(file.textures()[0]), file.numbers(file.textures()[0]), &decoder,
-        &*added};
-    texture.choose_tables();
-    ASSERT_TRUE(texture.is_bytes);
+    const auto added_a = tiles.add_face_tex(**a), added_b = tiles.add_face_tex(**b);
+    ASSERT_TRUE(added_a && added_b);
+    tiles.begin(2, false);
+    const auto texture_of = [&](const FaceTexFile& file, const TileFile& added, uint32_t owner) {
+      const FaceTexTexture& t = file.textures()[0];
+      FaceTexture texture{&file, &t, file.faces(t), file.numbers(t), &decoder, &added, owner};
+      texture.choose_tables();
+      return texture;
+    };
+    const FaceTexture textures[] = {texture_of((*a)->file(), *added_a, 0), texture_of((*b)->file(), *added_b, 1)};
+    ASSERT_TRUE(textures[0].is_bytes && textures[1].is_bytes);
     std::mt19937 random(channels);
     std::uniform_real_distribution<float> unit(0, 1);
     std::vector<FaceTextureRequest> requests(5000);
-    for (FaceTextureRequest& r : requests)
-      r = {0,
-           static_cast<uint32_t>(random() % 30),
+    uint32_t face = 0;
+    for (FaceTextureRequest& r : requests) {
+      if (random() % 4 == 0) face = static_cast<uint32_t>(random() % 30);
+      r = {random() % 4 == 0 ? 1u : 0u,
+           face,
            unit(random),
            unit(random),
            0.1f * unit(random) * unit(random),
            0.1f * unit(random),
            unit(random),
            random() % 4 == 0 ? FaceLevelChoice::trilinear : FaceLevelChoice::stochastic};
+    }
     std::vector<Texel> values(requests.size());
     TileThread thread(tiles);
     thread.begin_block();
-    ASSERT_EQ(look_up_faces(thread, std::span(&texture, 1), requests, values), requests.size());
+    ASSERT_EQ(look_up_faces(thread, textures, requests, values), requests.size());
     for (size_t i = 0; i < requests.size(); ++i) {
       float sum[4] = {0, 0, 0, 0};
-      ASSERT_TRUE(look_up_face(thread, texture, requests[i], sum));
+      ASSERT_TRUE(look_up_face(thread, textures[requests[i].texture], requests[i], sum));
       const Texel one = spread_channels(sum, channels);
       ASSERT_EQ(std::memcmp(&one, &values[i], sizeof one), 0) << channels << ' ' << i;
     }
-    EXPECT_EQ(thread.counters[0].lookups, requests.size());
+    EXPECT_EQ(thread.counters[0].lookups + thread.counters[1].lookups, requests.size());
     requests.back().face = 30;
-    EXPECT_EQ(look_up_faces(thread, std::span(&texture, 1), requests, values), requests.size() - 1);
+    EXPECT_EQ(look_up_faces(thread, textures, requests, values), requests.size() - 1);
   }
 }
 

@@ -116,14 +116,23 @@ double answer_below(const std::function<double(double, double)>& emitted) {
   return kAlbedo / M_PI * mean_over_square(0.1, 1, [&](double x, double y) { return below_the_lamp(x, y, emitted); });
 }
 
-// The lamp, downwards: by its winding, or by its orientation; corner and edges as said.
-std::string lamp(const std::string& light, Vec corner, Vec edge, bool reversed, const std::string& more = "") {
+// The lamp, downwards: by its winding, or by its orientation; corner and edges as said. A cage of one face stays that
+// square, whose uvs stay even over it, whatever it is diced into.
+std::string lamp(const std::string& light, Vec corner, Vec edge, bool reversed, const std::string& more = "",
+                 bool is_cage = false) {
   const std::string points = fmt::format("[{0} {1} {2}  {3} {1} {2}  {3} {4} {2}  {0} {4} {2}]", corner.x, corner.y,
                                          corner.z, corner.x + edge.x, corner.y + edge.y);
-  return "Material \"diffuse\" \"rgb reflectance\" [0 0 0] AreaLightSource \"diffuse\" " + light +
-         (reversed ? " ReverseOrientation\n" : "\n") + "Shape \"trianglemesh\" \"point3 P\" " + points +
-         " \"point2 uv\" [0 0 1 0 1 1 0 1] \"integer indices\" " +
-         ((edge.x > 0) == reversed ? "[0 1 2 0 2 3]" : "[0 2 1 0 3 2]") + more + "\n";
+  const std::string shape = std::string("Shape \"") + (is_cage ? "subdivmesh" : "trianglemesh") + "\"";
+  const std::string light_on =
+      "Material \"diffuse\" \"rgb reflectance\" [0 0 0] AreaLightSource \"diffuse\" " + light +
+      (reversed ? " ReverseOrientation\n" : "\n") + shape + " \"point3 P\" " + points +
+      " \"point2 uv\" [0 0 1 0 1 1 0 1] ";
+  const bool is_upward = (edge.x > 0) == reversed;
+  if (is_cage) {
+    const std::string corners = is_upward ? "[0 1 2 3]" : "[0 3 2 1]";
+    return light_on + "\"integer indices\" " + corners + " \"integer uvindices\" " + corners + more + "\n";
+  }
+  return light_on + "\"integer indices\" " + (is_upward ? "[0 1 2 0 2 3]" : "[0 2 1 0 3 2]") + more + "\n";
 }
 const std::string kEmits = "\"string filename\" \"a.exr\" \"float scale\" 2";
 
@@ -138,6 +147,12 @@ std::string placed(int kind, const std::string& light, const std::string& more =
       return "ObjectBegin \"lamp\" " + lamp(light, {0, 0, 0}, edge, false, more) +
              "ObjectEnd AttributeBegin Translate " + fmt::format("{} {} {}", kX, kY, kHeight) +
              " ObjectInstance \"lamp\" AttributeEnd\n";
+    case 4:
+      return "AttributeBegin " + lamp(light, here, edge, false, more, true) + "AttributeEnd\n";
+    case 5:  // the same, turned over by its orientation, in a mirrored instance
+      return "ObjectBegin \"lamp\" " + lamp(light, {0, 0, 0}, {-1, 1, 0}, true, more, true) +
+             "ObjectEnd AttributeBegin Translate " + fmt::format("{} {} {}", kX, kY, kHeight) +
+             " Scale -1 1 1 ObjectInstance \"lamp\" AttributeEnd\n";
     default:  // a mirrored one, of a lamp that lies on the other side, wound the other way
       return "ObjectBegin \"lamp\" " + lamp(light, {0, 0, 0}, {-1, 1, 0}, true, more) +
              "ObjectEnd AttributeBegin Translate " + fmt::format("{} {} {}", kX, kY, kHeight) +
@@ -165,6 +180,23 @@ TEST(LightImages, a_lamp_with_an_image_is_found_alike_by_lights_and_by_chance) {
     FailureScene scene(view_of(0, 0, 0.1) + kFloor + placed(kind, kEmits), image(4, 4, kPicture));
     expect_by_all(scene, answer, 0.02);
   }
+}
+
+// Every triangle that a cage is diced into is an emitter, chosen by what the image is on it.
+TEST(LightImages, a_cage_with_an_image_is_found_alike_by_lights_and_by_chance) {
+  const double answer = answer_below([](double u, double v) { return 2 * picture(u, v); });
+  for (const int kind : {4, 5}) {
+    SCOPED_TRACE(kind);
+    FailureScene scene(view_of(0, 0, 0.1) + kFloor + placed(kind, kEmits), image(4, 4, kPicture));
+    ASSERT_EQ(scene.error(), "");
+    EXPECT_GT(scene.store().emitters().size(), 2u);
+    expect_by_all(scene, answer, 0.02);
+  }
+  const FailureScene bare(view_of(0, 0, 0.1) + "AreaLightSource \"diffuse\" " + kEmits +
+                              "\nShape \"subdivmesh\" \"point3 P\" [0 0 1 1 0 1 1 1 1 0 1 1] "
+                              "\"integer indices\" [0 1 2 3]\n",
+                          image(4, 4, kPicture));
+  EXPECT_NE(bare.error().find("emits by an image, and has no uvs"), std::string::npos) << bare.error();
 }
 
 // Power is spread by the mean of all texels, for each triangle by itself, as in pbrt.

@@ -5,11 +5,11 @@
 #include <openvdb/openvdb.h>
 #include <tbb/task_arena.h>
 
-#include <fstream>
-#include <iterator>
 #include <set>
 
+#include "tests/support/file_bytes.h"
 #include "tests/support/small_scene.h"
+#include "tests/tools/planned_city.h"
 #include "tests/tools/recording_sink.h"
 #include "tools/city/city.h"
 #include "tools/city/manifest.h"
@@ -20,6 +20,8 @@
 namespace spillway::tools::city {
 namespace {
 
+using test::bytes_of;
+
 namespace fs = std::filesystem;
 
 // With factories, whose chimneys smoke.
@@ -28,17 +30,6 @@ CityOptions foggy(AirKinds air = {true, true, true}) {
   options.buildings = 260, options.detail_triangles = 700, options.trees = 0, options.cars = 0, options.seed = 5;
   options.street_lights = 20, options.air = air, options.air_cells = 24;
   return options;
-}
-
-City planned(const CityOptions& options) {
-  Result<City> city = City::plan(options);
-  EXPECT_TRUE(city) << city.error().message;
-  return std::move(*city);
-}
-
-std::string bytes_of(const fs::path& file) {
-  std::ifstream stream(file, std::ios::binary);
-  return {std::istreambuf_iterator<char>(stream), {}};
 }
 
 openvdb::FloatGrid::Ptr read_grid(const fs::path& file, const std::string& name) {

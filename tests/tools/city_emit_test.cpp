@@ -3,13 +3,12 @@
 #include <gtest/gtest.h>
 #include <tbb/task_arena.h>
 
-#include <fstream>
-#include <iterator>
-
 #include "cache/base/hash.h"
 #include "pipeline/pack/scene_packer.h"
 #include "pipeline/store.h"
+#include "tests/support/file_bytes.h"
 #include "tests/support/small_scene.h"
+#include "tests/tools/planned_city.h"
 #include "tests/tools/recording_sink.h"
 #include "tools/city/city.h"
 #include "tools/city/pbrt_sink.h"
@@ -18,6 +17,8 @@
 namespace spillway::tools::city {
 namespace {
 
+using test::bytes_of;
+
 namespace fs = std::filesystem;
 
 CityOptions small_city() {
@@ -25,12 +26,6 @@ CityOptions small_city() {
   options.buildings = 60, options.detail_triangles = 900, options.trees = 40, options.cars = 30, options.seed = 11;
   options.time = TimeOfDay::night;
   return options;
-}
-
-City planned(const CityOptions& options) {
-  Result<City> city = City::plan(options);
-  EXPECT_TRUE(city) << city.error().message;
-  return std::move(*city);
 }
 
 // Folds everything into one number, keeping nothing.
@@ -130,11 +125,6 @@ TEST(CityEmit, by_day_nothing_but_the_sky_and_the_sun_shines) {
   ASSERT_TRUE(planned(options).emit(sink, "sky.exr"));
   EXPECT_EQ(sink.emitting, 0u);
   EXPECT_EQ(sink.lights.size(), 2u);
-}
-
-std::string bytes_of(const fs::path& file) {
-  std::ifstream stream(file, std::ios::binary);
-  return {std::istreambuf_iterator<char>(stream), {}};
 }
 
 TEST(CityEmit, text_refuses_what_it_would_leave_out) {

@@ -3,14 +3,13 @@
 #include <gtest/gtest.h>
 #include <tbb/task_arena.h>
 
-#include <fstream>
-#include <iterator>
-
 #include "cache/facetex_file.h"
 #include "cache/texture_cache.h"
 #include "pipeline/pack/scene_packer.h"
 #include "pipeline/store.h"
+#include "tests/support/file_bytes.h"
 #include "tests/support/small_scene.h"
+#include "tests/tools/planned_city.h"
 #include "tests/tools/recording_sink.h"
 #include "tools/city/city.h"
 #include "tools/city/paint.h"
@@ -20,6 +19,8 @@
 namespace spillway::tools::city {
 namespace {
 
+using test::bytes_of;
+
 namespace fs = std::filesystem;
 
 CityOptions painted_city(double texels_per_metre) {
@@ -27,17 +28,6 @@ CityOptions painted_city(double texels_per_metre) {
   options.buildings = 20, options.detail_triangles = 900, options.trees = 5, options.cars = 5, options.seed = 11;
   options.texels_per_metre = texels_per_metre;
   return options;
-}
-
-City planned(const CityOptions& options) {
-  Result<City> city = City::plan(options);
-  EXPECT_TRUE(city) << city.error().message;
-  return std::move(*city);
-}
-
-std::string bytes_of(const fs::path& file) {
-  std::ifstream stream(file, std::ios::binary);
-  return {std::istreambuf_iterator<char>(stream), {}};
 }
 
 class CityPaint : public testing::Test {

@@ -4,15 +4,16 @@
 
 #include <algorithm>
 #include <filesystem>
-#include <fstream>
-#include <iterator>
 #include <string>
 #include <vector>
 
 #include "tests/fuzz/entries.h"
+#include "tests/support/file_bytes.h"
 
 namespace spillway::tools {
 namespace {
+
+using test::bytes_of;
 
 std::vector<std::filesystem::path> corpus(const std::string& format) {
   std::vector<std::filesystem::path> files;
@@ -20,11 +21,6 @@ std::vector<std::filesystem::path> corpus(const std::string& format) {
     files.push_back(entry.path());
   std::sort(files.begin(), files.end());
   return files;
-}
-
-std::string bytes_of(const std::filesystem::path& file) {
-  std::ifstream stream(file, std::ios::binary);
-  return {std::istreambuf_iterator<char>(stream), {}};
 }
 
 TEST(FuzzCorpus, every_scene_keeps_the_importers_promises) {

@@ -157,6 +157,52 @@ TEST_F(LabCommand, without_a_scene_it_is_the_first_section_alone) {
   EXPECT_EQ(table(text("out/results.csv")).size(), 1u);
 }
 
+// A cube's cage in a white sky: coarser triangles are another shape. 24 x 16 in the scene, where edges are then half as
+// many pixels long as in a picture of 48 x 32.
+TEST_F(LabCommand, dicing_is_counted_in_pixels_of_the_picture) {
+  std::ofstream(folder_ / "blob.pbrt")
+      << "LookAt 3 4 2 0 0 0 0 0 1 Camera \"perspective\" \"float fov\" 25\n"
+         "Film \"rgb\" \"integer xresolution\" 24 \"integer yresolution\" 16\nWorldBegin\n"
+         "LightSource \"infinite\" \"rgb L\" [1 1 1]\nMaterial \"diffuse\" \"rgb reflectance\" [0.2 0.2 0.2]\n"
+         "Shape \"subdivmesh\" \"point3 P\" [-1 -1 -1 1 -1 -1 1 1 -1 -1 1 -1 -1 -1 1 1 -1 1 1 1 1 -1 1 1]\n"
+         "\"integer indices\" [0 3 2 1 4 5 6 7 0 1 5 4 1 2 6 5 2 3 7 6 3 0 4 7]\n";
+  const Ended ended =
+      lab("blob.pbrt -o out --spp 1,16 --seeds 2 --reference-spp 256 --resolution 48x32 --axis dicing,memory -q");
+  ASSERT_EQ(ended.code, 0) << ended.said;
+  std::map<std::string, double> error_of;
+  for (const auto& row : table(text("out/results.csv")))
+    if (row[1] == "dicing" && row[3] == "16") error_of[row[2]] += std::stod(row[7]);
+  ASSERT_EQ(error_of.size(), 5u);
+  EXPECT_GT(error_of["16 px"], 3 * error_of["1 px"]);
+  EXPECT_GT(error_of["16 px"], error_of["4 px"]);
+  const fs::path stores = folder_ / "out" / "stores";
+  for (const char* edge : {"0.25", "0.5", "1", "2", "8"})
+    EXPECT_TRUE(fs::exists(stores / (std::string("0_blob_") + edge + ".store"))) << edge;
+  EXPECT_FALSE(fs::exists(stores / "0_blob_4.store"));  // the scene's own
+}
+
+// The line that a command says before it measures is the sign to interrupt it.
+TEST_F(LabCommand, interrupted_it_keeps_what_it_has_and_says_how_to_go_on) {
+  fs::create_directories(folder_ / "out");
+  std::ofstream(folder_ / "out" / "index.html") << "an older page";
+  const Ended ended = test::run_command(
+      "cd " + folder_.string() + " && mkfifo said && { " SPILLWAY_PROGRAM " lab " + box_ + courtyard_ +
+      "-o out --spp 1,65536 --seeds 2 --reference-spp 4 --resolution 24x16 --axis roulette,samplers 2> said & "
+      "pid=$!; while read -r line; do echo \"$line\"; "
+      "case \"$line\" in *'roulette: 65536 samples'*) kill -INT $pid;; esac; done < said; wait $pid; }");
+  EXPECT_EQ(ended.code, 130) << ended.said;
+  EXPECT_EQ(text("out/index.html"), "an older page");
+  EXPECT_FALSE(fs::exists(folder_ / "out" / "results.csv"));
+  EXPECT_EQ(table(text("out/unfinished_results.csv")).size(), 5u) << ended.said;
+  EXPECT_EQ(table(text("out/unfinished_summary.csv")).size(), 3u);
+  for (const std::string& part :
+       {std::string("interrupted after 4 renders"), "spillway lab " + box_ + "--axis roulette,samplers -o out",
+        "spillway lab " + courtyard_ + "--axis roulette,samplers -o out"})
+    EXPECT_NE(ended.said.find(part), std::string::npos) << part << " in: " << ended.said;
+  for (const auto& entry : fs::recursive_directory_iterator(folder_ / "out"))
+    EXPECT_EQ(entry.path().string().find(".tmp"), std::string::npos) << entry.path();
+}
+
 TEST_F(LabCommand, what_makes_no_sense_is_refused_and_leaves_no_page) {
   fs::create_directories(folder_ / "out");
   std::ofstream(folder_ / "out" / "index.html") << "an older page";

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <map>
 
 #include "tools/lab/summarize.h"
@@ -28,13 +29,21 @@ class Experiment {
     SPILLWAY_ASSIGN(const Store* const store, store_at(0));
     SPILLWAY_ASSIGN(base_, base_options(*store));
     result_.facts = facts(*store);
-    for (const std::string& name : options_.axes) {
-      SPILLWAY_ASSIGN(Axis axis, make_axis(name, *store, base_, options_.memory_limits));
+    for (size_t i = 0; i < options_.axes.size(); ++i) {
+      SPILLWAY_ASSIGN(Axis axis, make_axis(options_.axes[i], *store, base_, options_.memory_limits));
       AxisResult result;
       result.axis = std::move(axis);
       result.left_out = why_left_out(result.axis, *store, can_pack_);
-      if (result.left_out.empty()) SPILLWAY_TRY(run_axis(*store, result));
+      if (result.left_out.empty()) {
+        const Status ran = run_axis(*store, result);
+        if (!ran && !is_stopped()) return ran.error();
+        if (!ran) result_.missing_axes.push_back(options_.axes[i]);
+      }
       result_.axes.push_back(std::move(result));
+      if (!is_stopped()) continue;
+      result_.missing_axes.insert(result_.missing_axes.end(), options_.axes.begin() + static_cast<ptrdiff_t>(i) + 1,
+                                  options_.axes.end());
+      break;
     }
     return std::move(result_);
   }
@@ -46,7 +55,25 @@ class Experiment {
     double noise = 0;
   };
 
+  [[nodiscard]] bool is_stopped() const { return options_.stop != nullptr && *options_.stop; }
+
+  // Stores are diced for the scene's own resolution; edges are counted in pixels of the frame that is rendered.
+  [[nodiscard]] float edge_of_store(const Store& store, float edge_length_px) const {
+    const auto px_per_radian = [](const shading::Camera& c) {
+      return std::max(static_cast<float>(c.resolution_x_px) / c.tan_half_fov_x,
+                      static_cast<float>(c.resolution_y_px) / c.tan_half_fov_y);
+    };
+    return edge_length_px * (px_per_radian(store.settings().camera) / px_per_radian(base_.settings.camera));
+  }
+
+  // 0: the scene as it is.
   Result<const Store*> store_at(float edge_length_px) {
+    if (edge_length_px > 0) {
+      SPILLWAY_ASSIGN(const Store* const own, store_at(0));
+      edge_length_px = edge_of_store(*own, edge_length_px);
+      if (own->dicing() != nullptr && own->dicing()->edge_length_px == edge_length_px)
+        return static_cast<const Store*>(own);
+    }
     const auto found = stores_.find(edge_length_px);
     if (found != stores_.end()) return static_cast<const Store*>(found->second.get());
     SPILLWAY_ASSIGN(Store store, open_(edge_length_px));
@@ -74,7 +101,7 @@ class Experiment {
 
   Result<MeasuredPicture> render(const Store& store, const RenderOptions& options) const {
     SPILLWAY_ASSIGN(MeasuredPicture measured, render_measured(store, options));
-    if (options_.stop != nullptr && *options_.stop) return error("interrupted: no page was written");
+    if (is_stopped()) return error("interrupted");
     return measured;
   }
 
@@ -137,6 +164,14 @@ class Experiment {
   // All configurations at one number of samples, taking turns.
   Status run_samples(AxisResult& result, uint32_t spp, bool is_last) {
     std::vector<std::vector<Measurement>> rows(result.curves.size());
+    const Status ran = measure_in_turns(result, spp, is_last, rows);
+    for (const auto& own : rows) result_.rows.insert(result_.rows.end(), own.begin(), own.end());
+    return ran;
+  }
+
+  // rows: by configuration.
+  Status measure_in_turns(AxisResult& result, uint32_t spp, bool is_last,
+                          std::vector<std::vector<Measurement>>& rows) {
     std::vector<PixelVariance> variances(result.curves.size());
     for (uint32_t seed = kFirstSeed; seed < kFirstSeed + options_.seed_count; ++seed)
       for (size_t c = 0; c < result.curves.size(); ++c) {
@@ -149,11 +184,9 @@ class Experiment {
           result.curves[c].picture = std::move(measured.picture);
         }
       }
-    for (size_t c = 0; c < result.curves.size(); ++c) {
+    for (size_t c = 0; c < result.curves.size(); ++c)
       result.curves[c].points.push_back(
           curve_point(rows[c], variances[c].relative_to(result.reference), result.reference_noise));
-      result_.rows.insert(result_.rows.end(), rows[c].begin(), rows[c].end());
-    }
     return {};
   }
 
@@ -167,13 +200,18 @@ class Experiment {
       result.curves.push_back(std::move(curve));
     }
     const size_t first_row = result_.rows.size();
-    for (const uint32_t spp : options_.spps) {
+    Status ran;
+    for (size_t i = 0; i < options_.spps.size() && ran; ++i) {
+      const uint32_t spp = options_.spps[i];
       options_.tell(fmt::format("{}, {}: {} samples a pixel, {} configurations, {} seeds", result_.name,
                                 result.axis.name, spp, result.curves.size(), options_.seed_count));
-      SPILLWAY_TRY(run_samples(result, spp, spp == options_.spps.back()));
+      ran = run_samples(result, spp, spp == options_.spps.back());
     }
-    finish_axis(store, std::span(result_.rows).subspan(first_row), result);
-    return {};
+    // Other axes plan with what is in memory: of the scene alone.
+    std::erase_if(stores_, [](const auto& entry) { return entry.first != 0; });
+    if (!result.curves.front().points.empty())
+      finish_axis(store, std::span(result_.rows).subspan(first_row), result);
+    return ran;
   }
 
   void finish_axis(const Store& store, std::span<const Measurement> rows, AxisResult& result) const {

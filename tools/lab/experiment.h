@@ -67,10 +67,12 @@ struct AxisResult {
 struct SceneResult {
   std::string name, facts;
   std::vector<AxisResult> axes;
-  std::vector<Measurement> rows;
+  std::vector<Measurement> rows;            // of every render that was finished
+  std::vector<std::string> missing_axes{};  // when it was stopped: not whole, or not begun
 };
 
-// Fails as rendering does, for a reference that cannot be read or has another size, and when it is stopped.
+// Fails as rendering does, and for a reference that cannot be read or has another size. When it is stopped it says what
+// it has and what is missing; the axis that was under way has the numbers of samples that all its configurations had.
 Result<SceneResult> run_experiment(const std::string& name, const OpenStore& open, bool can_pack,
                                    const ExperimentOptions& options);
 

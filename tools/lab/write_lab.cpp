@@ -49,6 +49,11 @@ Status write_lab(const std::filesystem::path& folder, const PageInputs& inputs) 
   return write_text(page, page_html(inputs));
 }
 
+Status write_unfinished(const std::filesystem::path& folder, std::span<const SceneResult> scenes) {
+  SPILLWAY_TRY(write_text(folder / "unfinished_results.csv", rows_csv(scenes)));
+  return write_text(folder / "unfinished_summary.csv", summary_csv(scenes));
+}
+
 bool has_defect(std::span<const SceneResult> scenes) {
   for (const SceneResult& scene : scenes)
     for (const AxisResult& axis : scene.axes)
