@@ -26,7 +26,7 @@ uint64_t samples_offset(int32_t voxels) {
   return sizeof(VolumeBrickHeader) + uint64_t{brick_cell_count(voxels)} * sizeof(float);
 }
 
-// The largest sample that interpolation in each cell may use, as it is stored.
+// The largest sample that interpolation in each cell may use, as it is stored, where what was there is not larger.
 void find_cell_maxima(std::span<const float> samples, int32_t voxels, float* cell_max) {
   const int32_t side = voxels + 1;
   for (int32_t z = 0; z < voxels; z += kCellVoxels)
@@ -38,7 +38,8 @@ void find_cell_maxima(std::span<const float> samples, int32_t voxels, float* cel
             const float* row = samples.data() + (k * side + j) * side;
             for (int32_t i = x; i <= x + kCellVoxels; ++i) largest = std::max(largest, row[i]);
           }
-        *cell_max++ = largest;
+        *cell_max = std::max(*cell_max, largest);
+        ++cell_max;
       }
 }
 
@@ -56,8 +57,9 @@ Status validate_header(std::span<const std::byte> brick, std::string_view where)
                  header.size_bytes, brick.size());
   if (header.checksum != checksum(brick.data() + kChecksummedFrom, brick.size() - kChecksummedFrom))
     return error("{}: byte 8: the checksum of a brick does not match; pack the scene again", where);
-  if (!is_brick_size(header.voxels) || header.type > VoxelType::single_float || header.reserved != 0 ||
-      brick.size() != brick_size_bytes(header.voxels, header.type))
+  if (!is_brick_size(header.voxels) || header.type > VoxelType::single_float ||
+      (header.channels != 1 && header.channels != 3) ||
+      brick.size() != brick_size_bytes(header.voxels, header.type, header.channels))
     return error("{}: byte 36: a brick cannot have {} voxels an edge in {} bytes; pack the scene again", where,
                  header.voxels, brick.size());
   for (const int32_t corner : header.corner)
@@ -68,21 +70,25 @@ Status validate_header(std::span<const std::byte> brick, std::string_view where)
 
 }  // namespace
 
-uint64_t brick_size_bytes(int32_t voxels, VoxelType type) {
-  const uint64_t used = samples_offset(voxels) + brick_sample_count(voxels) * sample_bytes(type);
+uint64_t brick_size_bytes(int32_t voxels, VoxelType type, uint32_t channels) {
+  const uint64_t used = samples_offset(voxels) + channels * brick_sample_count(voxels) * sample_bytes(type);
   return (used + kVolumeBrickAlignment - 1) / kVolumeBrickAlignment * kVolumeBrickAlignment;
 }
 
 Buffer<std::byte> build_volume_brick(const std::array<int32_t, 3>& corner, int32_t voxels, VoxelType type,
                                      std::span<const float> samples) {
   SPILLWAY_CHECK(is_brick_size(voxels), ==, true);
-  SPILLWAY_CHECK(samples.size(), ==, size_t{brick_sample_count(voxels)});
-  Buffer<std::byte> brick(MemoryTag::pack, brick_size_bytes(voxels, type));
+  const size_t per_channel = brick_sample_count(voxels);
+  const uint32_t channels = samples.size() == per_channel ? 1 : 3;
+  SPILLWAY_CHECK(samples.size(), ==, channels * per_channel);
+  Buffer<std::byte> brick(MemoryTag::pack, brick_size_bytes(voxels, type, channels));
   VolumeBrickHeader header{
-      kVolumeBrickMagic, kVolumeBrickVersion, 0, brick.size(), {corner[0], corner[1], corner[2]}, voxels, type, 0};
+      kVolumeBrickMagic, kVolumeBrickVersion, 0, brick.size(), {corner[0], corner[1], corner[2]}, voxels, type,
+      channels};
   auto* cells = reinterpret_cast<float*>(brick.data() + sizeof header);
   std::byte* stored = brick.data() + samples_offset(voxels);
-  find_cell_maxima(samples, voxels, cells);
+  for (uint32_t c = 0; c < channels; ++c)
+    find_cell_maxima(samples.subspan(c * per_channel, per_channel), voxels, cells);
   if (type == VoxelType::single_float) std::memcpy(stored, samples.data(), samples.size_bytes());
   if (type == VoxelType::half_float) {
     for (size_t i = 0; i < samples.size(); ++i) {
@@ -103,7 +109,7 @@ Status validate_volume_brick(std::span<const std::byte> brick, std::string_view 
   const auto is_bad = [](float x) { return !(x >= 0 && x < INFINITY); };
   if (std::any_of(view.cell_max().begin(), view.cell_max().end(), is_bad))
     return error("{}: a cell's largest value is negative or not finite; pack the scene again", where);
-  for (uint32_t i = 0; i < brick_sample_count(view.header().voxels); ++i)
+  for (uint32_t i = 0; i < view.header().channels * brick_sample_count(view.header().voxels); ++i)
     if (is_bad(view.sample(i))) return error("{}: sample {} is negative or not finite; pack the scene again", where, i);
   return {};
 }
@@ -124,23 +130,40 @@ float VolumeBrickView::sample(uint32_t index) const {
   return value;
 }
 
-float VolumeBrickView::interpolate(Float3 lattice) const {
+VolumeBrickView::Place VolumeBrickView::place(Float3 lattice) const {
   const int32_t voxels = header_->voxels, side = voxels + 1;
   int32_t at[3];
-  float f[3];
+  Place place{};
   for (int a = 0; a < 3; ++a) {
     // The fraction is of the point alone, not of the point seen from this brick.
     const float whole = std::floor(std::clamp(lattice[a], static_cast<float>(header_->corner[a]),
                                               static_cast<float>(header_->corner[a] + voxels)));
     at[a] = std::clamp(static_cast<int32_t>(whole) - header_->corner[a], 0, voxels - 1);
-    f[a] = std::clamp(lattice[a] - static_cast<float>(at[a] + header_->corner[a]), 0.0f, 1.0f);
+    place.f[a] = std::clamp(lattice[a] - static_cast<float>(at[a] + header_->corner[a]), 0.0f, 1.0f);
   }
-  const auto row = static_cast<uint32_t>((at[2] * side + at[1]) * side + at[0]);
-  const auto dy = static_cast<uint32_t>(side), dz = static_cast<uint32_t>(side * side);
+  place.row = static_cast<uint32_t>((at[2] * side + at[1]) * side + at[0]);
+  return place;
+}
+
+float VolumeBrickView::interpolate(const Place& place, uint32_t channel) const {
+  const auto dy = static_cast<uint32_t>(header_->voxels + 1), dz = dy * dy;
+  const uint32_t row = channel * dz * dy + place.row;
+  const auto& f = place.f;
   const auto along_x = [&](uint32_t i) { return sample(i) * (1 - f[0]) + sample(i + 1) * f[0]; };
   const float near = along_x(row) * (1 - f[1]) + along_x(row + dy) * f[1];
   const float far = along_x(row + dz) * (1 - f[1]) + along_x(row + dz + dy) * f[1];
   return near * (1 - f[2]) + far * f[2];
+}
+
+float VolumeBrickView::interpolate(Float3 lattice) const { return interpolate(place(lattice), 0); }
+
+Rgb VolumeBrickView::interpolate_color(Float3 lattice) const {
+  const Place at = place(lattice);
+  if (header_->channels == 1) {
+    const float grey = interpolate(at, 0);
+    return {grey, grey, grey};
+  }
+  return {interpolate(at, 0), interpolate(at, 1), interpolate(at, 2)};
 }
 
 }  // namespace spillway::cache

@@ -5,12 +5,12 @@
 // Samples sit on lattice points (integers); between them a value is trilinear, outside of all bricks it is zero. A
 // brick covers [corner, corner + voxels) in lattice units and holds voxels + 1 samples an axis: those of its far sides
 // again. Cells are cubes of 8 lattice units, aligned to multiples of 8 whatever the bricks; each has the largest of its
-// samples.
+// samples, of all channels: a volume has one, or three for a colour.
 //
 // Format, little endian, each brick at a 4096-aligned offset, size_bytes a multiple of 4096 (zeros at the end):
 //   VolumeBrickHeader
 //   float cell_max[(voxels / 8)^3]     x fastest
-//   half or float samples[(voxels + 1)^3], x fastest
+//   half or float samples[channels][(voxels + 1)^3], x fastest
 // A file of bricks holds nothing else; bricks without a sample other than zero are left out.
 
 #include <array>
@@ -25,7 +25,7 @@
 namespace spillway::cache {
 
 inline constexpr uint32_t kVolumeBrickMagic = 0x42565053;  // "SPVB"
-inline constexpr uint32_t kVolumeBrickVersion = 1;
+inline constexpr uint32_t kVolumeBrickVersion = 2;
 inline constexpr uint32_t kVolumeBrickAlignment = 4096;
 inline constexpr int32_t kCellVoxels = 8;
 inline constexpr int32_t kMaxBrickVoxels = 64;
@@ -44,7 +44,7 @@ struct VolumeBrickHeader {
   int32_t corner[3];  // multiples of `voxels`
   int32_t voxels;     // 8, 16, 32 or 64
   VoxelType type;
-  uint32_t reserved;
+  uint32_t channels;  // 1 or 3
 };
 static_assert(sizeof(VolumeBrickHeader) == 48);
 
@@ -59,9 +59,10 @@ static_assert(sizeof(VolumeBrickHeader) == 48);
   const auto side = static_cast<uint32_t>(voxels + 1);
   return side * side * side;
 }
-[[nodiscard]] uint64_t brick_size_bytes(int32_t voxels, VoxelType type);
+[[nodiscard]] uint64_t brick_size_bytes(int32_t voxels, VoxelType type, uint32_t channels = 1);
 
-// Samples (voxels + 1)^3, x fastest, finite. Values that are not halves are rounded to them with half_float.
+// Samples (voxels + 1)^3, x fastest, finite; of three channels one after the other. Values that are not halves are
+// rounded to them with half_float.
 Buffer<std::byte> build_volume_brick(const std::array<int32_t, 3>& corner, int32_t voxels, VoxelType type,
                                      std::span<const float> samples);
 
@@ -76,13 +77,21 @@ class VolumeBrickView {
   [[nodiscard]] explicit operator bool() const { return header_ != nullptr; }
   [[nodiscard]] const VolumeBrickHeader& header() const { return *header_; }
   [[nodiscard]] std::span<const float> cell_max() const { return {cells_, brick_cell_count(header_->voxels)}; }
-  // x fastest, (voxels + 1)^3 of them.
+  // x fastest, (voxels + 1)^3 of them a channel.
   [[nodiscard]] float sample(uint32_t index) const;
   // Trilinear at a point of the brick, in lattice units; points outside are taken to its side. The same bits from
-  // every brick that covers the point.
+  // every brick that covers the point. Of the first channel; as a colour, one channel is grey.
   [[nodiscard]] float interpolate(Float3 lattice) const;
+  [[nodiscard]] Rgb interpolate_color(Float3 lattice) const;
 
  private:
+  struct Place {
+    uint32_t row;
+    float f[3];
+  };
+  [[nodiscard]] Place place(Float3 lattice) const;
+  [[nodiscard]] float interpolate(const Place& place, uint32_t channel) const;
+
   const VolumeBrickHeader* header_ = nullptr;
   const float* cells_ = nullptr;
   const std::byte* samples_ = nullptr;

@@ -85,7 +85,7 @@ Status validate_volume_tables(const VolumeTables& tables, std::string_view where
     const VolumeBrickLocation& brick = tables.bricks[b];
     if (brick.offset_bytes % kVolumeBrickAlignment != 0 || brick.size_bytes == 0 ||
         brick.size_bytes % kVolumeBrickAlignment != 0 ||
-        brick.size_bytes > brick_size_bytes(kMaxBrickVoxels, VoxelType::single_float))
+        brick.size_bytes > brick_size_bytes(kMaxBrickVoxels, VoxelType::single_float, 3))
       return error("{}: brick {} cannot be {} bytes at {}; pack the scene again", where, b, brick.size_bytes,
                    brick.offset_bytes);
   }

@@ -5,6 +5,8 @@
 // Memory: 4 bytes a brick of a grid's box, present or not, and 4 bytes a cell of the bricks that are.
 // Threads: plain arrays; const after they were made.
 
+#include <array>
+#include <bit>
 #include <cstdint>
 #include <span>
 #include <string_view>
@@ -41,16 +43,22 @@ struct VolumeTables {
   std::span<const VolumeBrickLocation> bricks;
 
   // cell: counted from the grid's corner; must lie in its box.
-  [[nodiscard]] uint32_t brick_of(const VolumeGrid& grid, const int32_t (&cell)[3]) const {
-    const int32_t per = grid.brick_voxels / kCellVoxels;
-    return entries[grid.first_entry +
-                   static_cast<uint32_t>((cell[2] / per * grid.brick_count[1] + cell[1] / per) * grid.brick_count[0] +
-                                         cell[0] / per)];
+  [[nodiscard]] uint32_t brick_of(const VolumeGrid& grid, const std::array<int32_t, 3>& cell) const {
+    const int by = brick_shift(grid);
+    return entries[grid.first_entry + static_cast<uint32_t>(((cell[2] >> by) * grid.brick_count[1] + (cell[1] >> by)) *
+                                                                grid.brick_count[0] +
+                                                            (cell[0] >> by))];
   }
-  [[nodiscard]] float majorant(const VolumeGrid& grid, uint32_t brick, const int32_t (&cell)[3]) const {
-    const int32_t per = grid.brick_voxels / kCellVoxels;
-    const auto inside = static_cast<uint32_t>((cell[2] % per * per + cell[1] % per) * per + cell[0] % per);
-    return cell_max[grid.first_cell + (brick - grid.first_brick) * brick_cell_count(grid.brick_voxels) + inside];
+  [[nodiscard]] float majorant(const VolumeGrid& grid, uint32_t brick, const std::array<int32_t, 3>& cell) const {
+    const int by = brick_shift(grid), last = (1 << by) - 1;
+    const auto inside = static_cast<uint32_t>(((cell[2] & last) << by | (cell[1] & last)) << by | (cell[0] & last));
+    return cell_max[grid.first_cell + ((brick - grid.first_brick) << 3 * by) + inside];
+  }
+
+ private:
+  // Bricks have 1, 2, 4 or 8 cells an edge.
+  [[nodiscard]] static int brick_shift(const VolumeGrid& grid) {
+    return std::countr_zero(static_cast<uint32_t>(grid.brick_voxels / kCellVoxels));
   }
 };
 

@@ -11,16 +11,22 @@
 
 namespace spillway::pipeline {
 
-enum class MediumKind : uint32_t { homogeneous, grid };
+enum class MediumKind : uint32_t {
+  homogeneous,
+  grid,        // coefficients times a volume's density
+  color_grid,  // coefficients of each channel from volumes of their own
+};
 // Where a medium's emission comes from.
 enum class GlowKind : uint32_t {
   none,
   constant,     // Medium::glow everywhere
   scaled,       // Medium::glow times a volume's value
   temperature,  // Medium::glow times the normalised radiance of a black body of a volume's value in kelvin
+  colors,       // Medium::glow times a volume's colour; of colour grids
 };
 
-// Coefficients are per world unit. Of a grid they are those of density one.
+// Coefficients are per world unit. Of a grid they are those of density one. Of a colour grid sigma_s is what both of
+// its volumes are multiplied by, sigma_a is zero: density_volume holds sigma_a + sigma_s, scatter_volume sigma_s.
 struct Medium {
   MediumKind kind = MediumKind::homogeneous;
   float g = 0;  // Henyey-Greenstein; > 0 is forward
@@ -29,12 +35,13 @@ struct Medium {
   GlowKind glow_kind = GlowKind::none;
   uint32_t density_volume = kNoVolume, glow_volume = kNoVolume;  // numbers of volumes
   float kelvin_scale = 1, kelvin_offset = 0;                     // (value - offset) * scale
+  uint32_t scatter_volume = kNoVolume, reserved = 0;             // on the lattice of density_volume
   Affine3 density_from_world, glow_from_world;                   // to the volumes' lattices
 
   static constexpr uint32_t kNoVolume = 0xffffffffu;
   [[nodiscard]] Rgb sigma_t() const { return sigma_a + sigma_s; }
 };
-static_assert(sizeof(Medium) == 160);
+static_assert(sizeof(Medium) == 168);
 
 inline constexpr uint32_t kMaxMedia = kNoMedium;
 

@@ -219,7 +219,7 @@ struct SceneSettings {
 // A camera of the path that a shot's frames follow.
 struct FrameCamera {
   uint32_t frame = 0;
-  uint32_t reserved = 0;
+  uint32_t medium = kNoMedium;  // that the camera is in
   shading::Camera camera;
 };
 static_assert(sizeof(FrameCamera) == 8 + sizeof(shading::Camera));  // no padding in the store
@@ -244,7 +244,7 @@ inline constexpr const char* kAttributesFile = "attributes.blocks";
 inline constexpr const char* kVolumesFile = "volumes.bricks";
 inline constexpr const char* kTexturesDirectory = "textures";
 inline constexpr const char* kStoreKind = "SPWSTORE";
-inline constexpr uint32_t kStoreVersion = 13;
+inline constexpr uint32_t kStoreVersion = 14;
 
 // Section names of the manifest. Arrays of the struct named.
 namespace section {

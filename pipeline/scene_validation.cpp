@@ -169,12 +169,17 @@ Status check_medium(const Medium& m, size_t volume_count, std::string_view where
   if (!(m.g > -1 && m.g < 1)) return error("{}: its g is {}; it must lie between -1 and 1", where, m.g);
   if (!std::isfinite(m.kelvin_scale) || !std::isfinite(m.kelvin_offset))
     return error("{}: its temperatures are scaled by {} and offset by {}", where, m.kelvin_scale, m.kelvin_offset);
-  if (m.kind > MediumKind::grid || m.glow_kind > GlowKind::temperature)
+  if (m.kind > MediumKind::color_grid || m.glow_kind > GlowKind::colors || m.reserved != 0)
     return error("{}: is of an unknown kind", where);
-  if ((m.kind == MediumKind::grid) != (m.density_volume < volume_count))
+  const bool is_grid = m.kind != MediumKind::homogeneous, is_coloured = m.kind == MediumKind::color_grid;
+  if (is_grid != (m.density_volume < volume_count))
     return error("{}: its density is volume {} of {}", where, m.density_volume, volume_count);
-  const bool needs_glow = m.glow_kind == GlowKind::scaled || m.glow_kind == GlowKind::temperature;
-  if (needs_glow != (m.glow_volume < volume_count) || (needs_glow && m.kind != MediumKind::grid))
+  if (is_coloured != (m.scatter_volume < volume_count))
+    return error("{}: its scattering is volume {} of {}", where, m.scatter_volume, volume_count);
+  if (m.glow_kind == GlowKind::colors && !is_coloured)
+    return error("{}: only media of coloured grids emit the colours of a volume", where);
+  const bool needs_glow = m.glow_kind != GlowKind::none && m.glow_kind != GlowKind::constant;
+  if (needs_glow != (m.glow_volume < volume_count) || (needs_glow && !is_grid))
     return error("{}: its emission is volume {} of {}", where, m.glow_volume, volume_count);
   return {};
 }

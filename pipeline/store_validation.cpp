@@ -62,6 +62,9 @@ Status validate_media(const StoreTables& t, std::string_view where) {
   const uint32_t camera = t.settings[0].render.camera_medium;
   if (camera != kNoMedium && camera >= t.media.size())
     return damaged(where, section::kSettings, 0, "the camera is in medium {} of {}", camera, t.media.size());
+  for (size_t i = 0; i < t.camera_path.size(); ++i)
+    if (const uint32_t medium = t.camera_path[i].medium; medium != kNoMedium && medium >= t.media.size())
+      return damaged(where, section::kCameraPath, i, "its camera is in medium {} of {}", medium, t.media.size());
   return cache::validate_volume_tables(volume_tables(t), where);
 }
 

@@ -43,7 +43,8 @@ class GridWalk {
 
   struct Step {
     CellIndex cell;
-    float begin, end;  // distances
+    float begin, end;             // distances
+    std::array<float, 3> leaves;  // where the ray passes the cell's far planes
   };
 
   // The first cell entered in [0, distance_max). False: none.
@@ -71,17 +72,20 @@ class GridWalk {
 
   // The step in `cell`, which the ray enters at `begin`.
   void resume(const CellIndex& cell, float begin, float distance_max, Step& step) const {
-    step = {cell, begin, std::max(begin, std::min(distance_max, plane(exit_axis(cell), exit_plane(cell))))};
+    step.cell = cell, step.begin = begin;
+    for (int a = 0; a < 3; ++a) step.leaves[a] = leaves_at(a, cell);
+    end(distance_max, step);
   }
 
   // The cell after `step`. False: the grid, or the segment, ends.
   bool next(const CellGrid& grid, float distance_max, Step& step) const {
     if (step.end >= distance_max) return false;
-    const int axis = exit_axis(step.cell);
-    CellIndex cell = step.cell;
-    cell.at[axis] += forward_[axis] ? 1 : -1;
-    if (cell.at[axis] < 0 || cell.at[axis] >= grid.count[axis]) return false;
-    resume(cell, step.end, distance_max, step);
+    const int axis = exit_axis(step);
+    const int32_t at = step.cell.at[axis] + (forward_[axis] ? 1 : -1);
+    if (at < 0 || at >= grid.count[axis]) return false;
+    step.cell.at[axis] = at, step.begin = step.end;
+    step.leaves[axis] = leaves_at(axis, step.cell);
+    end(distance_max, step);
     return true;
   }
 
@@ -92,13 +96,12 @@ class GridWalk {
   [[nodiscard]] float leaves_at(int axis, const CellIndex& cell) const {
     return direction_[axis] == 0 ? INFINITY : plane(axis, cell.at[axis] + (forward_[axis] ? 1 : 0));
   }
-  [[nodiscard]] int exit_axis(const CellIndex& cell) const {
-    const float x = leaves_at(0, cell), y = leaves_at(1, cell), z = leaves_at(2, cell);
+  [[nodiscard]] static int exit_axis(const Step& step) {
+    const auto [x, y, z] = step.leaves;
     return x <= y ? (x <= z ? 0 : 2) : (y <= z ? 1 : 2);
   }
-  [[nodiscard]] int32_t exit_plane(const CellIndex& cell) const {
-    const int axis = exit_axis(cell);
-    return cell.at[axis] + (forward_[axis] ? 1 : 0);
+  static void end(float distance_max, Step& step) {
+    step.end = std::max(step.begin, std::min(distance_max, step.leaves[exit_axis(step)]));
   }
 
   Float3 origin_, direction_;

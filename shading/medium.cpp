@@ -54,13 +54,6 @@ FreePath sample_free_path(Rgb sigma_t, Rgb shares, float distance_max, Float2 u)
   return path;
 }
 
-void Collisions::append(const Collisions& next) {
-  steps += next.steps;
-  if (collided()) return;
-  for (int c = 0; c < 3; ++c) weight[c].multiply(next.weight[c]);
-  distance = next.distance, density = next.density;
-}
-
 SegmentKey segment_key(SampleKey sample, uint32_t bounce, bool is_shadow, Float3 origin_world) {
   const auto bits = [](float x) { return uint64_t{std::bit_cast<uint32_t>(x)}; };
   uint64_t h = hash_combine(bits(origin_world.x) << 32 | bits(origin_world.y), bits(origin_world.z) << 32 | bounce);

@@ -1,6 +1,6 @@
 #pragma once
 
-// The templates of shading/medium.h, included by it alone.
+// What is called for every cell and step, inline; included by shading/medium.h alone.
 
 #include <algorithm>
 
@@ -8,77 +8,76 @@
 
 namespace spillway::shading {
 
-// The steps of a Poisson process of rate `majorant` along [begin, end), keyed by cell and step.
-class CellSteps {
- public:
-  CellSteps(const CellSegment& cell, float majorant, const SegmentKey& key)
-      : key_(key), cell_(cell.cell), begin_(cell.begin), length_(cell.end - cell.begin), mean_step_(1 / majorant) {}
+inline CellSteps::CellSteps(const CellSegment& cell, float majorant, const SegmentKey& key, const CellProgress& from)
+    : key_(key),
+      cell_(cell.cell),
+      begin_(cell.begin),
+      length_(cell.end - cell.begin),
+      majorant_(majorant),
+      mean_step_(1 / majorant),
+      progress_(from) {}
 
-  // False at the end of the cell.
-  bool next() {
-    // 1 - u is above 0, so that the logarithm is finite.
-    gone_ += -log_of(1 - random(0)) * mean_step_;
-    ++step_;
-    return gone_ < length_;
-  }
-  // For what is decided at the step just made.
-  [[nodiscard]] float decision() const { return random(1); }
-  [[nodiscard]] float at() const { return begin_ + gone_; }
-  [[nodiscard]] uint32_t count() const { return step_; }
-
- private:
-  [[nodiscard]] float random(uint32_t which) const {
-    return hashed_1d(key_.sample, SampleStream::media, key_.segment, cell_, 2 * step_ + which);
-  }
-
-  const SegmentKey& key_;
-  uint32_t cell_, step_ = 0;
-  float begin_, length_, mean_step_;
-  float gone_ = 0;  // from the cell's begin, so that small steps far away are not lost
-};
-
-template <class Density>
-bool track_cell(const CellSegment& cell, Rgb sigma_t, Rgb shares, const SegmentKey& key, const Density& density,
-                Collisions& out) {
-  const float largest = max_component(sigma_t), majorant = cell.density_max * largest;
-  if (!(majorant > 0)) return true;
-  const float sum = shares.r + shares.g + shares.b;
-  const bool is_grey = sigma_t.r == largest && sigma_t.g == largest && sigma_t.b == largest;
-  const float mean = is_grey ? largest : (shares.r * sigma_t.r + shares.g * sigma_t.g + shares.b * sigma_t.b) / sum;
-  CellSteps steps(cell, majorant, key);
-  while (steps.next()) {
-    if (steps.count() == kMaxCellSteps) return false;
-    ++out.steps;
-    const float d = density(steps.at());
-    const float chance = std::min(d * mean / majorant, 1.0f);  // of a real collision
-    const bool is_real = steps.decision() < chance;
-    if (!is_grey)
-      for (int c = 0; c < 3; ++c) {
-        const float sigma = c == 0 ? sigma_t.r : c == 1 ? sigma_t.g : sigma_t.b;
-        out.weight[c].multiply(is_real ? sigma / mean : std::max(1 - d * sigma / majorant, 0.0f) / (1 - chance));
-      }
-    if (!is_real) continue;
-    out.distance = steps.at(), out.density = d;
-    break;
-  }
-  return true;
+// Counted from the cell's begin, so that small steps far away are not lost.
+inline bool CellSteps::next() {
+  const float u = random(0);
+  ++progress_.count;
+  // Most cells are passed in none: -log(1 - u) is at least u, with room for the logarithm's error.
+  if (progress_.gone + 0.99f * u * mean_step_ > length_) return false;
+  // 1 - u is above 0, so that the logarithm is finite.
+  progress_.gone += -log_of(1 - u) * mean_step_;
+  return progress_.gone < length_;
 }
 
-template <class Density>
-bool pass_cell(const CellSegment& cell, Rgb sigma_t, const SegmentKey& key, const Density& density,
-               OrderlessProduct (&weight)[3], uint32_t& steps_made) {
-  const float majorant = cell.density_max * max_component(sigma_t);
-  if (!(majorant > 0)) return true;
-  CellSteps steps(cell, majorant, key);
-  while (steps.next()) {
-    if (steps.count() == kMaxCellSteps) return false;
-    ++steps_made;
-    const float d = density(steps.at()) / majorant;
-    weight[0].multiply(std::max(1 - d * sigma_t.r, 0.0f));
-    weight[1].multiply(std::max(1 - d * sigma_t.g, 0.0f));
-    weight[2].multiply(std::max(1 - d * sigma_t.b, 0.0f));
+inline CellStep CellSteps::step() const { return {begin_ + progress_.gone, majorant_, random(1)}; }
+
+inline float CellSteps::random(uint32_t which) const {
+  return hashed_1d(key_.sample, SampleStream::media, key_.segment, cell_, 2 * progress_.count + which);
+}
+
+inline StepRule::StepRule(Rgb sigma_t, Rgb shares, bool has_channels)
+    : sigma_t_(sigma_t),
+      shares_(shares),
+      largest_(max_component(sigma_t)),
+      mean_(largest_),
+      is_grey_(!has_channels && sigma_t.r == largest_ && sigma_t.g == largest_ && sigma_t.b == largest_),
+      has_channels_(has_channels) {
+  const float sum = shares.r + shares.g + shares.b;
+  if (!is_grey_) mean_ = (shares.r * sigma_t.r + shares.g * sigma_t.g + shares.b * sigma_t.b) / sum;
+  if (has_channels) shares_ = shares * (1 / sum);
+}
+
+inline float StepRule::chance(const CellStep& step, Rgb density) const {
+  if (!has_channels_) return std::min(density.r * mean_ / step.majorant, 1.0f);
+  const Rgb s = sigma(density);
+  return std::min((shares_.r * s.r + shares_.g * s.g + shares_.b * s.b) / step.majorant, 1.0f);
+}
+
+inline bool StepRule::track(const CellStep& step, Rgb density, Collisions& out) const {
+  ++out.steps;
+  const float collides = chance(step, density);
+  const bool real = step.decision < collides;
+  if (real) out.distance = step.distance;
+  if (is_grey_) return real;
+  const Rgb s = sigma(density);
+  for (int c = 0; c < 3; ++c) {
+    const float part = (c == 0 ? s.r : c == 1 ? s.g : s.b) / step.majorant;
+    out.weight[c].multiply(real ? part / collides : std::max(1 - part, 0.0f) / (1 - collides));
   }
-  return true;
+  return real;
+}
+
+inline void StepRule::pass(const CellStep& step, Rgb density, Collisions& out) const {
+  ++out.steps;
+  if (is_grey_) {
+    OrderlessProduct factor;
+    factor.multiply(std::max(1 - density.r / step.majorant * largest_, 0.0f));
+    for (OrderlessProduct& weight : out.weight) weight.multiply(factor);
+    return;
+  }
+  const Rgb s = sigma(density) * (1 / step.majorant);
+  out.weight[0].multiply(std::max(1 - s.r, 0.0f));
+  out.weight[1].multiply(std::max(1 - s.g, 0.0f));
+  out.weight[2].multiply(std::max(1 - s.b, 0.0f));
 }
 
 }  // namespace spillway::shading

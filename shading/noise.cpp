@@ -86,6 +86,19 @@ constexpr std::array<Rgb, 9> kMarble = {{{0.58f, 0.58f, 0.6f},
                                          {0.2f, 0.2f, 0.33f},
                                          {0.58f, 0.58f, 0.6f}}};
 
+// Differences over a hundredth, as pbrt's, not derivatives: the cloud is to be the same one.
+Float3 noise_slope(Float3 p) {
+  constexpr float kStep = 0.01f;
+  const float here = gradient_noise(p);
+  Float3 slope;
+  for (int a = 0; a < 3; ++a) {
+    Float3 beside = p;
+    beside[a] += kStep;
+    slope[a] = (gradient_noise(beside) - here) / kStep;
+  }
+  return slope;
+}
+
 }  // namespace
 
 float gradient_noise(Float3 p) {
@@ -157,6 +170,18 @@ Rgb marble_color(Float3 p, float width, const MarbleParams& m) {
   const float t = along - static_cast<float>(first), u = 1 - t;
   const Rgb* c = &kMarble[first];  // Bernstein polynomials
   return (c[0] * (u * u * u) + c[1] * (3 * u * u * t) + c[2] * (3 * u * t * t) + c[3] * (t * t * t)) * 1.5f;
+}
+
+float cloud_density(Float3 p, const CloudParams& cloud) {
+  Float3 place = p * cloud.frequency;
+  if (cloud.wispiness > 0) {
+    float by = 0.05f * cloud.wispiness, scale = 10;
+    for (int i = 0; i < 2; ++i, by *= 0.5f, scale *= kLacunarity) place = place + noise_slope(place * scale) * by;
+  }
+  constexpr uint32_t kOctaves = 5;
+  const float noise = 0.5f * fractal_noise(place, 0, 0.5f, kOctaves);
+  const float thinned = std::clamp((1 - p.y) * 4.5f * cloud.density * noise, 0.0f, 1.0f);
+  return std::clamp(thinned + 2 * std::max(0.0f, 0.5f - p.y), 0.0f, 1.0f);
 }
 
 }  // namespace spillway::shading

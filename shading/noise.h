@@ -34,4 +34,11 @@ struct MarbleParams {
 // Veins across y, disturbed by fractal noise, in pbrt's colours.
 [[nodiscard]] Rgb marble_color(Float3 p, float width, const MarbleParams& marble);
 
+struct CloudParams {
+  float density = 1, wispiness = 1, frequency = 5;
+};
+// Of pbrt-v4's medium "cloud": five octaves of noise at a place that slower noise has moved, thinner with height and
+// full below y = 1/2. 0 to 1.
+[[nodiscard]] float cloud_density(Float3 p, const CloudParams& cloud);
+
 }  // namespace spillway::shading

@@ -173,7 +173,7 @@ Result<int> render_all_frames(const RenderArguments& arguments, const Store& sto
   batch.json = arguments.json, batch.quiet = arguments.scene.quiet;
   batch.settings_of = [&](const FrameCamera& frame) -> Result<SceneSettings> {
     SceneSettings settings = store.settings();
-    settings.camera = frame.camera;
+    settings.camera = frame.camera, settings.render.camera_medium = frame.medium;
     SPILLWAY_TRY(override_settings(arguments, settings));
     return settings;
   };

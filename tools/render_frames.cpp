@@ -161,7 +161,7 @@ Result<FrameOutcome> Batch::render_frame(uint32_t frame, const RenderOptions& op
   if (!session_) {
     SPILLWAY_ASSIGN(session_, RenderSession::open(store_, options));
   }
-  SPILLWAY_ASSIGN(const RenderedImage image, session_->render(options.settings.camera));
+  SPILLWAY_ASSIGN(const RenderedImage image, session_->render(options.settings.camera, options.settings.render.camera_medium));
   SPILLWAY_TRY(batch_.write(image, options, output));
   const RenderReport& report = image.report;
   if (batch_.report.find('#') != std::string::npos) {

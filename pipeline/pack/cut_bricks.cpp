@@ -16,7 +16,7 @@ Status check_samples(std::span<const float> samples, const std::array<int32_t, 3
                      std::string_view where) {
   for (size_t i = 0; i < samples.size(); ++i) {
     if (samples[i] >= 0 && samples[i] < INFINITY) continue;
-    const auto at = static_cast<int32_t>(i);
+    const auto at = static_cast<int32_t>(i % (static_cast<size_t>(side) * side * side));
     return error("{}: the sample at ({}, {}, {}) is {}; samples must be finite and not negative", where,
                  corner[0] + at % side, corner[1] + at / side % side, corner[2] + at / (side * side), samples[i]);
   }
@@ -37,7 +37,7 @@ Status cut_bricks(SampleSource& source, int32_t brick_voxels, std::string_view w
     return error("{}: its box holds {} bricks of {} voxels an edge; at most {} are possible", where, bricks,
                  brick_voxels, kMaxBricks);
   const auto type = source.is_half() ? cache::VoxelType::half_float : cache::VoxelType::single_float;
-  std::vector<float> samples(cache::brick_sample_count(brick_voxels));
+  std::vector<float> samples(source.channels() * size_t{cache::brick_sample_count(brick_voxels)});
   // A sample at the lower end reaches into the brick below it.
   const auto first = [&](int a) { return floor_to(box.lower[a] - 1, brick_voxels); };
   for (int32_t z = first(2); z < box.upper[2]; z += brick_voxels) {

@@ -31,9 +31,10 @@ class SampleSource {
   [[nodiscard]] virtual LatticeBox bounds() const = 0;
   // Whether all samples are halves, so that bricks of halves lose nothing.
   [[nodiscard]] virtual bool is_half() const = 0;
+  [[nodiscard]] virtual uint32_t channels() const { return 1; }  // or 3
   // Only points of this box are asked for until the next call.
   virtual Status load(const LatticeBox& slab) = 0;
-  // Fills side^3 samples, x fastest; points outside of bounds() are zero.
+  // Fills side^3 samples a channel, one channel after the other, x fastest; points outside of bounds() are zero.
   virtual void copy(const std::array<int32_t, 3>& corner, int32_t side, std::span<float> samples) const = 0;
 };
 

@@ -20,15 +20,18 @@ class GivenSamples final : public SampleSource {
   [[nodiscard]] LatticeBox bounds() const override { return {{0, 0, 0}, volume_.counts}; }
   [[nodiscard]] bool is_half() const override { return false; }
   Status load(const LatticeBox&) override { return {}; }
+  [[nodiscard]] uint32_t channels() const override { return volume_.channels; }
   void copy(const std::array<int32_t, 3>& corner, int32_t side, std::span<float> samples) const override {
     const auto& n = volume_.counts;
     size_t at = 0;
-    for (int32_t z = corner[2]; z < corner[2] + side; ++z)
-      for (int32_t y = corner[1]; y < corner[1] + side; ++y)
-        for (int32_t x = corner[0]; x < corner[0] + side; ++x) {
-          const bool inside = x >= 0 && y >= 0 && z >= 0 && x < n[0] && y < n[1] && z < n[2];
-          samples[at++] = inside ? volume_.samples[(static_cast<size_t>(z) * n[1] + y) * n[0] + x] : 0;
-        }
+    for (uint32_t c = 0; c < volume_.channels; ++c)
+      for (int32_t z = corner[2]; z < corner[2] + side; ++z)
+        for (int32_t y = corner[1]; y < corner[1] + side; ++y)
+          for (int32_t x = corner[0]; x < corner[0] + side; ++x) {
+            const bool inside = x >= 0 && y >= 0 && z >= 0 && x < n[0] && y < n[1] && z < n[2];
+            const size_t sample = inside ? (static_cast<size_t>(z) * n[1] + y) * n[0] + x : 0;
+            samples[at++] = inside ? volume_.samples[sample * volume_.channels + c] : 0;
+          }
   }
 
  private:
@@ -149,9 +152,10 @@ Result<uint32_t> SaidMedia::add_volume(const VolumeInput& volume) {
   const auto& n = volume.counts;
   if (volume.file.empty()) {
     const bool possible = n[0] > 0 && n[1] > 0 && n[2] > 0;
-    const double count = static_cast<double>(n[0]) * n[1] * n[2];
+    const double count = static_cast<double>(n[0]) * n[1] * n[2] * volume.channels;
     if (!possible || count != static_cast<double>(volume.samples.size()))
-      return error("{}: {} x {} x {} samples, but {} are given", volume.name, n[0], n[1], n[2], volume.samples.size());
+      return error("{}: {} x {} x {} samples of {}, but {} numbers are given", volume.name, n[0], n[1], n[2],
+                   volume.channels == 1 ? "one" : "three", volume.samples.size());
   }
   volumes_.push_back(volume);
   return static_cast<uint32_t>(volumes_.size() - 1);

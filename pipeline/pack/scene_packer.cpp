@@ -360,7 +360,7 @@ Status ScenePacker::set_camera_end(const Affine3& world_from_camera) {
 
 void ScenePacker::set_camera_path(uint32_t first_frame, std::span<const shading::Camera> cameras) {
   camera_path_.clear();
-  for (const shading::Camera& camera : cameras) camera_path_.push_back({first_frame++, 0, camera});
+  for (const shading::Camera& camera : cameras) camera_path_.push_back({first_frame++, kNoMedium, camera});
 }
 
 }  // namespace spillway::pipeline

@@ -118,6 +118,7 @@ class ScenePacker final : public SceneSink {
   Status write_pages(Packed& packed);
   Status write_volumes(Packed& packed) const;
   Status find_camera_medium();
+  void note_camera_media(uint32_t at_second_key);
   SceneStatistics statistics(const Packed& packed) const;
   [[nodiscard]] std::string name_lines() const;
   Status write_manifest(const Packed& packed);

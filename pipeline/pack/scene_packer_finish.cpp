@@ -232,33 +232,46 @@ Status ScenePacker::open_images(Packed& packed) const {
   return {};
 }
 
-// Where the scene does not say it. Nothing is looked for where nothing divides media.
+// Where the scene does not say it; of each frame of a path by itself. Nothing is looked for where nothing divides media.
 Status ScenePacker::find_camera_medium() {
   uint32_t& medium = settings_.render.camera_medium;
-  if (medium != kMediumUnsaid) return {};
+  if (medium != kMediumUnsaid) {
+    for (FrameCamera& frame : camera_path_) frame.medium = medium;
+    return {};
+  }
   medium = kNoMedium;
   if (std::ranges::none_of(scene_.meshes, [](const SpooledMesh& m) { return (m.row.flags & kMeshDividesMedia) != 0; }))
     return {};
-  const auto place_of = [](const shading::Camera& camera) {
-    const auto& m = camera.world_from_camera.m;
-    return Float3{m[0][3], m[1][3], m[2][3]};
-  };
-  std::vector<Float3> eyes;
-  for (const FrameCamera& frame : camera_path_) eyes.push_back(place_of(frame.camera));
-  if (eyes.empty()) eyes = {place_of(settings_.camera)};
+  const auto place_of = [](const Affine3& t) { return Float3{t.m[0][3], t.m[1][3], t.m[2][3]}; };
+  std::vector<Float3> eyes = {place_of(settings_.camera.world_from_camera)};
+  const bool moves = settings_.camera.motion != 0;
+  eyes.push_back(moves ? place_of(transform_at(motions_[settings_.camera.motion - 1], 1)) : eyes[0]);
+  for (const FrameCamera& frame : camera_path_) eyes.push_back(place_of(frame.camera.world_from_camera));
   SPILLWAY_ASSIGN(const std::vector<uint32_t> media, find_camera_media(scene_, instances_, eyes));
-  medium = media.front();
+  medium = media[0];
+  for (size_t i = 0; i < camera_path_.size(); ++i) camera_path_[i].medium = media[i + 2];
+  note_camera_media(media[1]);
+  return {};
+}
+
+void ScenePacker::note_camera_media(uint32_t at_second_key) {
+  const uint32_t medium = settings_.render.camera_medium;
+  const auto name_of = [&](uint32_t m) { return m == kNoMedium ? std::string("no medium") : media_.name(m); };
   constexpr const char* kSayIt = "MediumInterface before Camera says otherwise";
   if (medium != kNoMedium)
     report_.notes.push_back(fmt::format("the camera is inside of {}, which the scene does not say: its rays begin there; {}",
                                         media_.name(medium), kSayIt));
-  const auto elsewhere = std::ranges::count_if(media, [&](uint32_t other) { return other != medium; });
+  if (at_second_key != medium)
+    report_.notes.push_back(fmt::format("the camera moves from {} into {} while its shutter may be open: all of its rays "
+                                        "begin in the first; {}",
+                                        name_of(medium), name_of(at_second_key), kSayIt));
+  const auto elsewhere = std::ranges::count_if(camera_path_, [&](const FrameCamera& f) { return f.medium != medium; });
   if (elsewhere > 0)
-    report_.notes.push_back(fmt::format("{} of {} frames have their camera in another medium than the first, and are "
-                                        "rendered as if it were in that one; render them as scenes of their own",
-                                        elsewhere, media.size()));
-  return {};
+    report_.notes.push_back(fmt::format("{} of {} frames have their camera in another medium than {}: the rays of each "
+                                        "begin in its own",
+                                        elsewhere, camera_path_.size(), name_of(medium)));
 }
+
 
 // As long as any camera may look.
 MovingInstances ScenePacker::moving_instances() const {

@@ -53,8 +53,9 @@ struct VolumeInput {
   std::filesystem::path file;      // .vdb or .nvdb; empty: samples are given
   std::string grid;                // of the file
   std::array<int32_t, 3> counts{0, 0, 0};
-  std::vector<float> samples;      // x fastest, from lattice point (0, 0, 0) on
+  std::vector<float> samples;      // x fastest, from lattice point (0, 0, 0) on; channels of a sample together
   Affine3 medium_from_lattice;     // of given samples
+  uint32_t channels = 1;           // of given samples; 3: a colour
 };
 
 struct MediumInput {

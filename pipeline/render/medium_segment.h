@@ -1,11 +1,15 @@
 #pragma once
 
-// A ray's segment inside a medium: what happens on it, as functions of numbers and of bricks that are in memory.
+// A ray's segment inside a medium: what happens on it, as functions of numbers.
 //
-// A grid's segment falls into runs, each inside one brick. Runs may be tracked in any order: their results are joined
-// in ray order, and neither the bricks' size nor the order shows in a bit.
+// In a grid it meets points at which the density decides what happens. Where they are follows from the cells'
+// majorants, which are in memory: bricks are wanted at these points alone, in any order, and neither their size nor the
+// order shows in a bit.
 
+#include <algorithm>
+#include <array>
 #include <cstdint>
+#include <span>
 
 #include "pipeline/medium.h"
 #include "shading/grid_walk.h"
@@ -28,36 +32,40 @@ struct SegmentResult {
   Rgb emitted{0, 0, 0};       // times the throughput before: what the collision sends to the eye
 };
 
-// Consecutive cells of a segment inside one brick.
-struct BrickRun {
-  uint32_t brick;
-  uint32_t cell_count;
-  shading::CellIndex first_cell;
-  float begin;
+[[nodiscard]] shading::StepRule rule_of(const MediumSegment& segment);
+
+// How far a walk along a segment has come.
+struct WalkPlace {
+  bool begun = false;
+  shading::CellIndex cell{};
+  float begin = 0;                // of the cell
+  shading::CellProgress steps{};  // in the cell
+};
+
+// Where the density decides, and what about.
+struct DensityPoint {
+  Float3 lattice;
+  shading::CellStep step;
 };
 
 // A grid's segment in the space of its cells.
 class SegmentWalk {
  public:
   SegmentWalk(const MediumSegment& segment, const cache::VolumeTables& volumes);
-  // Calls visit(run) front to back, for bricks that are there, until it returns false.
+  // Calls visit(brick, point) front to back from `place` on, until it returns false: `place` is then behind that point.
+  // Returns the number of cells whose steps reached their bound.
   template <class Visit>
-  void for_each_run(const Visit& visit) const;
-  // Adds what happens in the run to `out`; false where the number of steps reached its bound.
-  bool track(const BrickRun& run, const cache::VolumeBrickView& brick, shading::Collisions& out) const;
-  bool pass(const BrickRun& run, const cache::VolumeBrickView& brick, shading::OrderlessProduct (&weight)[3],
-            uint32_t& steps) const;
+  uint32_t for_each_point(WalkPlace& place, const Visit& visit) const;
+  [[nodiscard]] const shading::StepRule& rule() const { return rule_; }
 
  private:
-  template <class InCell>
-  void for_each_cell(const BrickRun& run, const InCell& in_cell) const;
-  [[nodiscard]] uint32_t brick_of(const shading::CellIndex& cell) const;
-  [[nodiscard]] float density_at(const cache::VolumeBrickView& brick, const shading::CellIndex& cell,
-                                 float distance) const;
+  bool begin(const WalkPlace& place, shading::GridWalk::Step& step) const;
+  [[nodiscard]] Float3 lattice(const shading::CellIndex& cell, float distance) const;
 
   const MediumSegment& segment_;
   const cache::VolumeTables& volumes_;
   const cache::VolumeGrid& grid_;
+  shading::StepRule rule_;
   Float3 origin_lattice_, direction_lattice_;
   shading::CellGrid cells_;
   shading::GridWalk walk_;
@@ -66,36 +74,64 @@ class SegmentWalk {
 // Homogeneous media need no bricks.
 [[nodiscard]] SegmentResult track_homogeneous(const MediumSegment& segment);
 [[nodiscard]] Rgb pass_homogeneous(const MediumSegment& segment);
-// What a grid's collisions, joined over all runs, come to. `glow`: the medium's emission where they ended, see
-// glow_place().
-[[nodiscard]] SegmentResult segment_result(const MediumSegment& segment, const shading::Collisions& all, Rgb glow);
 
-// Where a grid's glow is looked up: a brick and a place in it.
-struct GlowPlace {
+// Where volumes are looked up once a segment has collided in a grid.
+struct VolumePlace {
   uint32_t brick = cache::kNoBrick;  // none: the value is zero
   Float3 lattice{0, 0, 0};
 };
-[[nodiscard]] GlowPlace glow_place(const MediumSegment& segment, float distance, const MediumTables& tables);
-// From the volume's value there; constant glow has none.
-[[nodiscard]] Rgb glow_of_value(const Medium& medium, float value, const MediumTables& tables);
+struct EndPlaces {
+  std::array<VolumePlace, 3> at;
+  uint32_t count = 0;
+};
+// None of a medium whose colours are the same everywhere.
+[[nodiscard]] EndPlaces end_places(const MediumSegment& segment, float distance, const MediumTables& tables);
+// What a grid's collisions come to. `values`: of the volumes at the places where the segment collided; as many.
+[[nodiscard]] SegmentResult segment_result(const MediumSegment& segment, const shading::Collisions& all,
+                                           std::span<const Rgb> values, const MediumTables& tables);
+// A brick's values at a point: of three channels, or the first alone.
+[[nodiscard]] inline Rgb look(const cache::VolumeBrickView& brick, Float3 lattice) {
+  return brick.header().channels == 1 ? Rgb{brick.interpolate(lattice), 0, 0} : brick.interpolate_color(lattice);
+}
 
-// ---- templates ----
+// ---- what is called for every cell and point ----
+
+// Held inside the cell, which is the same for bricks of every size.
+inline Float3 SegmentWalk::lattice(const shading::CellIndex& cell, float distance) const {
+  constexpr auto kCell = static_cast<float>(cache::kCellVoxels);
+  Float3 p = origin_lattice_ + direction_lattice_ * distance;
+  for (int a = 0; a < 3; ++a) {
+    const auto lower = static_cast<float>(grid_.corner[a] + cell.at[a] * cache::kCellVoxels);
+    p[a] = std::clamp(p[a], lower, lower + kCell);
+  }
+  return p;
+}
 
 template <class Visit>
-void SegmentWalk::for_each_run(const Visit& visit) const {
+uint32_t SegmentWalk::for_each_point(WalkPlace& place, const Visit& visit) const {
   shading::GridWalk::Step step;
-  if (!walk_.enter(cells_, segment_.end, step)) return;
-  BrickRun run{brick_of(step.cell), 1, step.cell, step.begin};
-  while (walk_.next(cells_, segment_.end, step)) {
-    const uint32_t brick = brick_of(step.cell);
-    if (brick == run.brick) {
-      ++run.cell_count;
-      continue;
+  if (!begin(place, step)) return 0;
+  uint32_t bounded = 0;
+  do {
+    const uint32_t brick = volumes_.brick_of(grid_, step.cell.at);
+    if (brick == cache::kNoBrick) continue;
+    const float majorant = rule_.majorant(volumes_.majorant(grid_, brick, step.cell.at));
+    if (!(majorant > 0) || !(step.begin < step.end)) continue;
+    const shading::CellSegment cell{shading::cell_key(step.cell), step.begin, step.end};
+    shading::CellSteps steps(cell, majorant, segment_.key, place.steps);
+    place.steps = {};
+    while (steps.next()) {
+      if (steps.is_bounded()) {
+        ++bounded;
+        break;
+      }
+      const shading::CellStep at = steps.step();
+      if (visit(brick, DensityPoint{lattice(step.cell, at.distance), at})) continue;
+      place = {true, step.cell, step.begin, steps.progress()};
+      return bounded;
     }
-    if (run.brick != cache::kNoBrick && !visit(run)) return;
-    run = {brick, 1, step.cell, step.begin};
-  }
-  if (run.brick != cache::kNoBrick) visit(run);
+  } while (walk_.next(cells_, segment_.end, step));
+  return bounded;
 }
 
 }  // namespace spillway::pipeline

@@ -62,7 +62,7 @@ constexpr uint64_t kCostBytesPerPath = 2 * 8;
 // Where on its light a shadow ray ends, of two waves, when that is looked up; and the blocks of that column's stream.
 constexpr uint64_t kLightPlaceBytesPerPath = 2 * 12;
 constexpr uint64_t kLightPlaceBufferBytes = 16 * kMiB;
-// Runs of segments in grids that are not in memory: some hundred thousand at a time share a sweep.
+// Segments that wait for bricks of grids, and the points they ask for: some hundred thousand at a time share a sweep.
 constexpr uint64_t kRunBytes = 64 * kMiB;
 
 struct Smallest {

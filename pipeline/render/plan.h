@@ -49,7 +49,7 @@ struct Plan {
   bool spills = false;          // cold columns and hits beyond their limits go to scratch
   bool pages_fit = true, attributes_fit = true, textures_fit = true, volumes_fit = true;
   uint64_t page_bytes = 0, attribute_bytes = 0, texture_bytes = 0, volume_bytes = 0;  // limits of the caches
-  uint64_t run_bytes = 0;          // runs of segments through volumes, where those do not fit
+  uint64_t run_bytes = 0;          // segments that wait for bricks of volumes, where those do not fit
   uint64_t read_ahead_bytes = 0;   // of each swept store, inside its limit
   uint64_t pair_bytes = 0;         // (page, ray) pairs of a sweep window
   uint64_t cold_bytes = 0;         // limit of each cold stream in memory

@@ -438,11 +438,11 @@ Result<RenderSession> RenderSession::open(const Store& store, const RenderOption
   return RenderSession(std::move(state));
 }
 
-Result<RenderedImage> RenderSession::render(const shading::Camera& camera) {
+Result<RenderedImage> RenderSession::render(const shading::Camera& camera, uint32_t camera_medium) {
   SPILLWAY_CHECK(camera.resolution_x_px, ==, state_->options.settings.camera.resolution_x_px);
   SPILLWAY_CHECK(camera.resolution_y_px, ==, state_->options.settings.camera.resolution_y_px);
   if (std::exchange(state_->used, true)) memory_reset_peaks();
-  state_->options.settings.camera = camera;
+  state_->options.settings.camera = camera, state_->options.settings.render.camera_medium = camera_medium;
   RenderState& state = state_->render;
   state.inputs.settings.shutter = ray_times(state.store, state.options.settings).shutter;
   const CountersBefore before(state);
@@ -460,7 +460,7 @@ Result<RenderedImage> RenderSession::render(const shading::Camera& camera) {
 
 Result<RenderedImage> render_image(const Store& store, const RenderOptions& options) {
   SPILLWAY_ASSIGN(RenderSession session, RenderSession::open(store, options));
-  return session.render(options.settings.camera);
+  return session.render(options.settings.camera, options.settings.render.camera_medium);
 }
 
 }  // namespace spillway::pipeline

@@ -87,7 +87,7 @@ class RenderSession {
   ~RenderSession();
 
   // Of the options' resolution. The report counts from the frame's start; first reads are first in the session.
-  Result<RenderedImage> render(const shading::Camera& camera);
+  Result<RenderedImage> render(const shading::Camera& camera, uint32_t camera_medium);
 
  private:
   struct State;

@@ -258,8 +258,8 @@ std::string report_table(const RenderReport& r) {
                       r.trace.ray_count, r.shade.shaded_count, r.route.escaped_count, r.route.arrived_count,
                       r.route.occluded_count);
   if (r.has_media)
-    text += fmt::format("media\n  {} segments, {} collisions, {} runs of cells, {} steps\n", r.track.segment_count,
-                        r.track.collision_count, r.track.run_count, r.track.step_count);
+    text += fmt::format("media\n  {} segments, {} collisions, {} steps\n", r.track.segment_count,
+                        r.track.collision_count, r.track.step_count);
   if (r.track.bounded_count > 0)
     text += fmt::format("  {} cells took more than {} steps: their rest was passed as if it were empty, which is too bright\n",
                         r.track.bounded_count, shading::kMaxCellSteps);

@@ -4,20 +4,22 @@
 //
 // In:     traced rays of one kind with their cold records (medium, random keys, throughput).
 // Out:    a SegmentResult a ray; identity for rays outside of media.
-// Memory: tag rays: the results, 28 bytes a ray; tag volumes: bricks, within the store's limit; runs of segments in
-//         grids, within run_limit_bytes: more than fit are tracked in several rounds, each a sweep of its own.
-// Reads:  what bricks in memory tell comes first, and many path rays end there. The others wait for a sweep over the brick
-//         that each meets next, and for a second over all that is left to those that went on; shadow rays wait once.
-// Order:  runs that wait are tracked brick by brick, in file order; random numbers are keyed, the nearest collision of a ray
-//         wins, weights are multiplied in integers. Nothing of this shows.
+// Memory: tag rays: the results, 28 bytes a ray; tag volumes: bricks, within the store's limit, and lists of points in
+//         them, see medium_rounds.h.
+// Reads:  bricks in which a ray has a point where the density decides, and which are not in memory: in rounds, each a
+//         sweep in file order.
+// Order:  random numbers are keyed, what a segment's points decide is decided in ray order, weights are multiplied in
+//         integers. Nothing of this shows.
 // Based on: DESIGN.md section 9; shading/medium.h.
 
 #include <memory>
+#include <vector>
 
 #include "cache/part_store.h"
+#include "cache/radix_sort.h"
 #include "cache/record_stream.h"
 #include "pipeline/records.h"
-#include "pipeline/render/medium_segment.h"
+#include "pipeline/render/medium_points.h"
 
 namespace spillway::pipeline {
 
@@ -36,13 +38,13 @@ class VolumeStore {
 };
 
 struct TrackMediaOptions {
-  uint64_t run_limit_bytes = 256 << 20;  // smaller: more sweeps
+  uint64_t run_limit_bytes = 256 << 20;  // of listed points and their segments; smaller: more sweeps
 };
 
 struct TrackMediaReport {
   uint64_t segment_count = 0, collision_count = 0;
-  uint64_t run_count = 0, step_count = 0;
-  uint64_t round_count = 0, bricks_touched = 0;
+  uint64_t step_count = 0;
+  uint64_t round_count = 0, run_count = 0, bricks_touched = 0;  // runs: of points that were looked up in one brick
   uint64_t bounded_count = 0;  // cells whose rest was passed as if it were empty: the picture is too bright there
   TrackMediaReport& operator+=(const TrackMediaReport& other);
 };
@@ -63,6 +65,10 @@ struct MediaRays {
 // Kept from wave to wave.
 struct TrackMediaScratch {
   Buffer<SegmentResult> path_results, shadow_results;
+  PointList list;
+  std::vector<cache::KeyIndex<uint32_t>> order, order_scratch;
+  MemoryClaim claim;  // of the lists
+  uint64_t claimed_bytes = 0;
 };
 
 Status track_media(const MediaInputs& inputs, const MediaRays<PathRecord>& paths,

@@ -48,6 +48,25 @@ TEST(VolumeBrick, interpolates_between_lattice_points) {
   }
 }
 
+TEST(VolumeBrick, three_channels_are_three_volumes_in_one_and_cells_bound_all_of_them) {
+  std::vector<float> samples = samples_at({0, 8, 0}, 8);
+  const size_t count = samples.size();
+  for (const float scale : {0.5f, 2.0f})
+    for (size_t i = 0; i < count; ++i) samples.push_back(scale * samples[i]);
+  const Buffer<std::byte> bytes = build_volume_brick({0, 8, 0}, 8, VoxelType::half_float, samples);
+  EXPECT_EQ(bytes.size(), brick_size_bytes(8, VoxelType::half_float, 3));
+  ASSERT_TRUE(validate_volume_brick(bytes, "brick"));
+  const VolumeBrickView color{bytes};
+  const Buffer<std::byte> first = brick_at({0, 8, 0}, 8);
+  const VolumeBrickView grey{first};
+  const Float3 p{3.25f, 9.5f, 4.75f};
+  const float value = grey.interpolate(p);
+  EXPECT_EQ(color.interpolate(p), value);
+  EXPECT_EQ(color.interpolate_color(p), (Rgb{value, 0.5f * value, 2 * value}));
+  EXPECT_EQ(grey.interpolate_color(p), (Rgb{value, value, value}));
+  EXPECT_EQ(color.cell_max()[0], 2 * grey.cell_max()[0]);
+}
+
 TEST(VolumeBrick, the_size_of_bricks_does_not_show) {
   const Buffer<std::byte> large = brick_at({-64, -64, 0}, 64);
   std::mt19937 random(3);
@@ -102,7 +121,9 @@ TEST(VolumeBrick, impossible_contents_are_refused_under_a_right_checksum) {
   for (const Status& status :
        {damaged(offsetof(VolumeBrickHeader, corner), int32_t{3}), damaged(offsetof(VolumeBrickHeader, corner), 1 << 30),
         damaged(offsetof(VolumeBrickHeader, voxels), int32_t{16}), damaged(offsetof(VolumeBrickHeader, voxels), -8),
-        damaged(offsetof(VolumeBrickHeader, type), uint32_t{7}), damaged(sizeof(VolumeBrickHeader), -1.0f),
+        damaged(offsetof(VolumeBrickHeader, type), uint32_t{7}),
+        damaged(offsetof(VolumeBrickHeader, channels), uint32_t{3}),
+        damaged(offsetof(VolumeBrickHeader, channels), uint32_t{0}), damaged(sizeof(VolumeBrickHeader), -1.0f),
         damaged(sizeof(VolumeBrickHeader) + 4, NAN), damaged(sizeof(VolumeBrickHeader) + 400, INFINITY)}) {
     ASSERT_FALSE(status);
     EXPECT_EQ(status.error().message.find("v.bricks: brick 3: "), 0u) << status.error().message;

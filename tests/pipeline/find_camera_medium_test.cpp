@@ -142,16 +142,66 @@ TEST_F(FindCameraMedium, a_picture_with_what_was_found_is_the_picture_with_it_sa
   EXPECT_NE(rendered(), found);
 }
 
-TEST_F(FindCameraMedium, frames_in_other_media_are_told) {
-  const Found found = pack({0, 0, 0}, kMediumUnsaid, [&](SceneSink& sink) -> Status {
+TEST_F(FindCameraMedium, the_rays_of_each_frame_begin_in_its_own) {
+  const auto say_frames = [](SceneSink& sink) -> Status {
     std::vector<shading::Camera> cameras(3, test::small_settings().camera);
-    cameras[2].world_from_camera.m[0][3] = 7;
+    for (shading::Camera& camera : cameras) camera.world_from_camera.m[2][3] = 0;
+    cameras[2].world_from_camera.m[2][3] = -7;
     sink.set_camera_path(1, cameras);
     return add_cube(sink, {1, kFog});
-  });
+  };
+  const Found found = pack({0, 0, 0}, kMediumUnsaid, say_frames);
   EXPECT_EQ(found.medium, kFog);
   ASSERT_EQ(found.notes.size(), 2u);
   EXPECT_NE(found.notes[1].find("1 of 3 frames"), std::string::npos) << found.notes[1];
+  std::vector<FrameCamera> path;
+  std::vector<std::string> pictures;
+  {
+    auto store = Store::open(directory_ / "store");
+    ASSERT_TRUE(store);
+    path.assign(store->camera_path().begin(), store->camera_path().end());
+    RenderOptions options;
+    options.settings = store->settings(), options.scratch_directory = directory_.path();
+    auto session = RenderSession::open(*store, options);
+    ASSERT_TRUE(session);
+    for (const FrameCamera& frame : path) {
+      auto image = session->render(frame.camera, frame.medium);
+      ASSERT_TRUE(image);
+      pictures.push_back(image->report.image_hash);
+      EXPECT_EQ(image->report.camera_medium, frame.medium);
+    }
+  }
+  ASSERT_EQ(path.size(), 3u);
+  EXPECT_EQ(path[1].medium, kFog);
+  EXPECT_EQ(path[2].medium, kNoMedium);
+  for (const size_t frame : {0, 2}) {
+    const auto& m = path[frame].camera.world_from_camera.m;
+    pack({m[0][3], m[1][3], m[2][3]}, {{1, kFog}}, path[frame].medium);
+    EXPECT_EQ(rendered(), pictures[frame]) << frame;
+  }
+  pack({0, 0, 0}, kSmoke, say_frames);  // said: of all frames
+  auto store = Store::open(directory_ / "store");
+  for (const FrameCamera& frame : store->camera_path()) EXPECT_EQ(frame.medium, kSmoke);
+}
+
+TEST_F(FindCameraMedium, a_camera_that_leaves_its_medium_while_the_shutter_is_open_is_told) {
+  for (const float to : {0.5f, 7.0f}) {
+    const Found found = pack({0, 0, 0}, kMediumUnsaid, [&](SceneSink& sink) -> Status {
+      SceneSettings settings = test::small_settings();
+      settings.render.camera_medium = kMediumUnsaid;
+      Affine3 &first = settings.camera.world_from_camera, second;
+      for (int a = 0; a < 3; ++a) first.m[a][3] = 0;
+      second = first, second.m[0][3] = to;
+      sink.set_settings(settings);
+      SPILLWAY_TRY(sink.set_camera_end(second));
+      return add_cube(sink, {1, kFog});
+    });
+    EXPECT_EQ(found.medium, kFog);
+    ASSERT_EQ(found.notes.size(), to > 1 ? 2u : 1u);
+    if (to > 1) {
+      EXPECT_NE(found.notes[1].find("moves from fog into no medium"), std::string::npos) << found.notes[1];
+    }
+  }
 }
 
 }  // namespace

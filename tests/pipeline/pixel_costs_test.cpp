@@ -135,8 +135,8 @@ TEST_P(PixelCostsTest, of_a_crop_are_those_of_its_pixels) {
   const auto second_frame = [&](const RenderOptions& o) {
     return on_threads(2, [&] {
       auto session = RenderSession::open(*store_, o);
-      EXPECT_TRUE(session && session->render(o.settings.camera));
-      auto image = session->render(o.settings.camera);
+      EXPECT_TRUE(session && session->render(o.settings.camera, o.settings.render.camera_medium));
+      auto image = session->render(o.settings.camera, o.settings.render.camera_medium);
       EXPECT_TRUE(image);
       return std::move(*image);
     });

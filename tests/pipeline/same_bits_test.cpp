@@ -491,7 +491,7 @@ class SameBitsInMedia : public testing::Test {
 TEST_F(SameBitsInMedia, as_the_depth_first_reference_for_any_memory_threads_waves_and_bricks) {
   const RenderedImage image = render(options_, *store_);
   EXPECT_GT(image.report.track.collision_count, 1000u);
-  EXPECT_GT(image.report.track.run_count, 1000u);
+  EXPECT_GT(image.report.track.step_count, 1000u);
   EXPECT_EQ(image.report.track.bounded_count, 0u);
   EXPECT_FALSE(image.report.faults.any());
   const auto tracer = kernel_tracer(*store_);

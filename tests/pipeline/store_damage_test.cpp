@@ -125,6 +125,7 @@ TEST_F(StoreTest, each_law_of_settings_and_cameras_is_checked) {
       {section::kSettings, offsetof(SceneSettings, render), 0},
       {section::kSettings, offsetof(SceneSettings, statistics) + offsetof(SceneStatistics, bounds_world), 0},
       {section::kCameraPath, offsetof(FrameCamera, frame), 8},  // twice
+      {section::kCameraPath, offsetof(FrameCamera, medium), 2},
       {section::kCameraPath, offsetof(FrameCamera, camera) + offsetof(shading::Camera, resolution_x_px), 63},
       {section::kCameraPath, offsetof(FrameCamera, camera) + offsetof(shading::Camera, focal_distance), nan},
       {section::kCameraPath, offsetof(FrameCamera, camera) + offsetof(shading::Camera, motion), 1},

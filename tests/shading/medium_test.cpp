@@ -132,9 +132,12 @@ struct Line {
   static constexpr int kCells = 8;
   static constexpr double kCell = 0.25;
 
-  [[nodiscard]] CellSegment cell(int i) const {
-    return {static_cast<uint32_t>(i), static_cast<float>(i * kCell), static_cast<float>((i + 1) * kCell),
-            static_cast<float>(largest)};
+  [[nodiscard]] static CellSegment cell(int i) {
+    return {static_cast<uint32_t>(i), static_cast<float>(i * kCell), static_cast<float>((i + 1) * kCell)};
+  }
+  // For rules of one density the first channel counts alone.
+  [[nodiscard]] Rgb density_at(const CellStep& step, Rgb scale = {1, 0, 0}) const {
+    return scale * static_cast<float>(density(step.distance));
   }
   [[nodiscard]] double optical_depth(double end) const {
     constexpr int kSteps = 20000;
@@ -150,17 +153,34 @@ const Line kLines[] = {{[](double) { return 1.3; }, 1.3},
                        {[](double t) { return 2 * std::exp(-t); }, 2.0},
                        {[](double t) { return t > 0.6 && t < 0.7 ? 9.0 : 0.1; }, 9.0}};
 
+// What a segment with this key comes to on the line.
+Collisions pass(const Line& line, Rgb sigma, const SegmentKey& key) {
+  const StepRule rule(sigma, {1, 1, 1});
+  Collisions all;
+  for (int c = 0; c < Line::kCells; ++c) {
+    CellSteps steps(Line::cell(c), rule.majorant(static_cast<float>(line.largest)), key);
+    while (steps.next()) rule.pass(steps.step(), line.density_at(steps.step()), all);
+  }
+  return all;
+}
+
+Collisions track(const Line& line, Rgb sigma, Rgb shares, const SegmentKey& key) {
+  const StepRule rule(sigma, shares);
+  Collisions all;
+  for (int c = 0; c < Line::kCells && !all.collided(); ++c) {
+    CellSteps steps(Line::cell(c), rule.majorant(static_cast<float>(line.largest)), key);
+    while (!all.collided() && steps.next()) rule.track(steps.step(), line.density_at(steps.step()), all);
+  }
+  return all;
+}
+
 TEST(Cells, ratio_tracking_is_the_transmittance) {
   const Rgb sigma{1, 0.4f, 0};
   for (const Line& line : kLines) {
     Estimate passed[3];
-    const auto density = [&](float t) { return static_cast<float>(line.density(t)); };
     for (uint32_t i = 0; i < 40000; ++i) {
-      OrderlessProduct weight[3];
-      uint32_t steps = 0;
-      for (int c = 0; c < Line::kCells; ++c)
-        ASSERT_TRUE(pass_cell(line.cell(c), sigma, {{3, i, 9}, 77}, density, weight, steps));
-      for (int c = 0; c < 3; ++c) passed[c].add(weight[c].value());
+      const Collisions all = pass(line, sigma, {{3, i, 9}, 77});
+      for (int c = 0; c < 3; ++c) passed[c].add(all.weight[c].value());
     }
     for (int c = 0; c < 3; ++c)
       EXPECT_NEAR(passed[c].mean(), std::exp(-line.optical_depth(2) * channel(sigma, c)), passed[c].tolerance()) << c;
@@ -171,13 +191,8 @@ TEST(Cells, ratio_tracking_is_the_transmittance) {
 TEST(Cells, are_passed_in_as_many_steps_as_their_bound_says) {
   constexpr uint32_t kRays = 200000;
   for (const Line& line : kLines) {
-    const auto density = [&](float t) { return static_cast<float>(line.density(t)); };
-    uint32_t steps = 0;
-    for (uint32_t i = 0; i < kRays; ++i) {
-      OrderlessProduct weight[3];
-      for (int c = 0; c < Line::kCells; ++c)
-        ASSERT_TRUE(pass_cell(line.cell(c), Rgb{1, 0.4f, 0}, {{3, i, 9}, 77}, density, weight, steps));
-    }
+    uint64_t steps = 0;
+    for (uint32_t i = 0; i < kRays; ++i) steps += pass(line, Rgb{1, 0.4f, 0}, {{3, i, 9}, 77}).steps;
     const double wanted = line.largest * Line::kCells * Line::kCell;
     EXPECT_NEAR(static_cast<double>(steps) / kRays, wanted, 5 * std::sqrt(wanted / kRays));
   }
@@ -187,11 +202,8 @@ TEST(Cells, collisions_come_where_they_should_in_every_channel) {
   for (const Rgb sigma : {Rgb{1, 1, 1}, Rgb{1, 0.5f, 0.2f}})
     for (const Line& line : kLines) {
       Estimate passed[3], early[3];
-      const auto density = [&](float t) { return static_cast<float>(line.density(t)); };
       for (uint32_t i = 0; i < 60000; ++i) {
-        Collisions all;
-        for (int c = 0; c < Line::kCells && !all.collided(); ++c)
-          ASSERT_TRUE(track_cell(line.cell(c), sigma, {1, 2, 0.5f}, {{3, i, 9}, 77}, density, all));
+        const Collisions all = track(line, sigma, {1, 2, 0.5f}, {{3, i, 9}, 77});
         for (int c = 0; c < 3; ++c) {
           passed[c].add(all.collided() ? 0 : all.weight[c].value());
           early[c].add(all.distance < 0.8f ? all.weight[c].value() : 0);
@@ -205,27 +217,55 @@ TEST(Cells, collisions_come_where_they_should_in_every_channel) {
     }
 }
 
-TEST(Cells, may_be_tracked_in_any_order_and_grouped_at_will) {
-  const Line& line = kLines[2];
-  const Rgb sigma{1, 0.5f, 0.2f};
-  const auto density = [&](float t) { return static_cast<float>(line.density(t)); };
-  for (uint32_t i = 0; i < 2000; ++i) {
-    const auto grouped = [&](int per_group) {
-      std::vector<Collisions> groups(Line::kCells / per_group);
-      for (int g = static_cast<int>(groups.size()) - 1; g >= 0; --g)  // from the far end
-        for (int c = g * per_group; c < (g + 1) * per_group && !groups[g].collided(); ++c)
-          EXPECT_TRUE(track_cell(line.cell(c), sigma, {1, 1, 1}, {{3, i, 9}, 5}, density, groups[g]));
-      Collisions all;
-      for (const Collisions& group : groups) all.append(group);
-      return all;
-    };
-    const Collisions one = grouped(1);
-    for (const int per_group : {2, 4, 8}) {
-      const Collisions other = grouped(per_group);
-      ASSERT_EQ(one.distance, other.distance);
-      for (int c = 0; c < 3; ++c) ASSERT_EQ(one.weight[c].value(), other.weight[c].value());
+// A density a channel, whose ratios are those of coefficients of one density: the same transmittance, and collisions.
+TEST(Cells, channels_of_their_own_densities_pass_and_collide_as_they_should) {
+  const Rgb scale{1, 0.5f, 0.2f};
+  for (const Line& line : kLines) {
+    Estimate passed[3], reached[3], early[3];
+    const StepRule rule({1, 1, 1}, {1, 2, 0.5f}, true);
+    for (uint32_t i = 0; i < 40000; ++i) {
+      const SegmentKey key{{3, i, 9}, 77};
+      Collisions through, all;
+      for (int c = 0; c < Line::kCells; ++c) {
+        CellSteps steps(Line::cell(c), rule.majorant(static_cast<float>(line.largest)), key);
+        while (steps.next()) {
+          const Rgb density = line.density_at(steps.step(), scale);
+          rule.pass(steps.step(), density, through);
+          if (!all.collided()) rule.track(steps.step(), density, all);
+        }
+      }
+      for (int c = 0; c < 3; ++c) {
+        passed[c].add(through.weight[c].value());
+        reached[c].add(all.collided() ? 0 : all.weight[c].value());
+        early[c].add(all.distance < 0.8f ? all.weight[c].value() : 0);
+      }
+    }
+    for (int c = 0; c < 3; ++c) {
+      const double s = channel(scale, c), whole = std::exp(-line.optical_depth(2) * s);
+      EXPECT_NEAR(passed[c].mean(), whole, passed[c].tolerance()) << c;
+      EXPECT_NEAR(reached[c].mean(), whole, reached[c].tolerance()) << c;
+      EXPECT_NEAR(early[c].mean(), 1 - std::exp(-line.optical_depth(0.8) * s), early[c].tolerance()) << c;
     }
   }
+}
+
+// A walk that waits for a density goes on where it was.
+TEST(Cells, are_taken_up_at_any_step) {
+  int steps = 0;
+  for (uint32_t i = 0; i < 2000; ++i) {
+    const SegmentKey key{{3, i, 9}, 5};
+    CellSteps whole(Line::cell(1), 40, key);
+    CellProgress progress;
+    while (whole.next()) {
+      CellSteps taken_up(Line::cell(1), 40, key, progress);
+      ASSERT_TRUE(taken_up.next());
+      ASSERT_EQ(taken_up.step().distance, whole.step().distance);
+      ASSERT_EQ(taken_up.step().decision, whole.step().decision);
+      progress = taken_up.progress(), ++steps;
+    }
+    EXPECT_FALSE(CellSteps(Line::cell(1), 40, key, progress).next());
+  }
+  EXPECT_NEAR(steps, 2000 * 40 * Line::kCell, 5 * std::sqrt(2000 * 40 * Line::kCell));
 }
 
 TEST(Cells, a_thousand_mean_free_paths_without_absorption_lose_nothing) {

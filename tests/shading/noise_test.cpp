@@ -43,6 +43,28 @@ TEST(Noise, sums_of_octaves_have_the_values_of_their_definition) {
   }
 }
 
+TEST(Noise, clouds_have_the_values_of_their_definition) {
+  struct {
+    Float3 p;
+    CloudParams cloud;
+    float density;
+  } cases[] = {
+      {{0.31f, 0.62f, 0.17f}, {1, 1, 5}, 0.50801f},
+      {{0.31f, 0.62f, 0.17f}, {0.5f, 2, 4}, 0.14416f},
+      {{0.2f, 0.45f, 0.7f}, {1, 1, 5}, 0.2787f},
+      {{0.2f, 0.45f, 0.7f}, {2, 0, 3}, 0.1f},
+      {{0.8f, 0.7f, 0.3f}, {2, 0, 3}, 0.59023f},
+      {{0.37f, 0.58f, 0.83f}, {1, 1, 5}, 0},
+      {{0.12f, 0.66f, 0.44f}, {0.5f, 2, 4}, 0.0383f},
+      {{0.12f, 0.25f, 0.44f}, {1, 0, 0}, 0.5f},
+      {{0.12f, -3, 0.44f}, {1, 1, 5}, 1},
+      {{0.12f, 1, 0.44f}, {9, 1, 5}, 0},
+  };
+  // Differences over a hundredth multiply what is rounded off a place by a hundred.
+  for (const auto& c : cases)
+    EXPECT_NEAR(cloud_density(c.p, c.cloud), c.density, 2e-3f) << c.p.x << ' ' << c.cloud.wispiness;
+}
+
 TEST(Noise, dots_lie_where_their_definition_puts_them) {
   const std::pair<Float2, bool> cases[] = {{{0.1f, 0.1f}, false}, {{1, 0}, false},        {{2.1f, 1.9f}, true},
                                            {{3, 5}, true},        {{-1.05f, 2.1f}, true}, {{-4, -4}, true},

@@ -1,5 +1,8 @@
 // Media as pbrt's language says them: coefficients, and what glows.
 
+#include <algorithm>
+
+#include "shading/noise.h"
 #include "tests/tools/import_text.h"
 
 namespace spillway::tools {
@@ -74,6 +77,82 @@ TEST(PbrtMedia, no_glow_is_dropped_silently) {
   expect(kGrid + "\"float Lescale\" [2 3]", "has no parameter \"float Lescale\"");
   expect(kGrid + "\"float temperature\" [1 2] \"float Lescale\" [2 3]", "\"float Lescale\" takes 1 value, not 2");
   expect(kGrid + "\"float temperature\" [1 2] \"rgb Le\" [2 3 4]", "not both");
+}
+
+const std::string kColors = "\"string type\" \"rgbgrid\" \"integer nx\" 2 ";
+const std::string kSigmaA = "\"rgb sigma_a\" [1 2 3 4 5 6] ", kSigmaS = "\"rgb sigma_s\" [0.5 0 1 2 3 0] ";
+
+TEST(PbrtMedia, grids_of_colours_are_volumes_of_three_channels) {
+  const Imported both = import_medium(kColors + kSigmaA + kSigmaS + "\"float scale\" 2 \"float g\" 0.5");
+  ASSERT_EQ(both.error, "");
+  const Medium& medium = both.sink.media.at(0).medium;
+  EXPECT_EQ(medium.kind, pipeline::MediumKind::color_grid);
+  EXPECT_EQ(medium.sigma_t(), (Rgb{2, 2, 2}));
+  EXPECT_EQ(medium.g, 0.5f);
+  EXPECT_EQ(medium.glow_kind, GlowKind::none);
+  ASSERT_EQ(both.sink.volumes.size(), 2u);
+  EXPECT_EQ(both.sink.volumes[0].channels, 3u);
+  EXPECT_EQ(both.sink.volumes[medium.density_volume].samples, (std::vector<float>{1.5f, 2, 4, 6, 8, 6}));
+  EXPECT_EQ(both.sink.volumes[medium.scatter_volume].samples, (std::vector<float>{0.5f, 0, 1, 2, 3, 0}));
+  // What is not given is one.
+  const Imported absorbs = import_medium(kColors + kSigmaA), scatters = import_medium(kColors + kSigmaS);
+  EXPECT_EQ(absorbs.sink.volumes.at(0).samples, (std::vector<float>{2, 3, 4, 5, 6, 7}));
+  EXPECT_EQ(absorbs.sink.volumes.at(1).samples, std::vector<float>(6, 1));
+  EXPECT_EQ(scatters.sink.volumes.at(0).samples, (std::vector<float>{1.5f, 1, 2, 3, 4, 1}));
+  for (const char* scale : {"LeScale", "Lescale"}) {
+    const Imported glows = import_medium(kColors + kSigmaA + "\"rgb Le\" [1 0 0 0 1 0] \"float " + scale + "\" 3");
+    ASSERT_EQ(glows.error, "");
+    EXPECT_EQ(glows.sink.media[0].medium.glow_kind, GlowKind::colors);
+    EXPECT_EQ(glows.sink.media[0].medium.glow, (Rgb{3, 3, 3}));
+    EXPECT_EQ(glows.sink.volumes.at(glows.sink.media[0].medium.glow_volume).samples,
+              (std::vector<float>{1, 0, 0, 0, 1, 0}));
+  }
+  // A white of another space is a white.
+  const Imported wide =
+      import_world("ColorSpace \"rec2020\"\nMakeNamedMedium \"m\" \"string type\" \"rgbgrid\" \"rgb sigma_s\" [2 2 2]");
+  ASSERT_EQ(wide.error, "");
+  for (const float value : wide.sink.volumes.at(1).samples) EXPECT_NEAR(value, 2, 1e-4);
+}
+
+TEST(PbrtMedia, grids_of_colours_that_make_no_sense_are_refused) {
+  const auto expect = [](const std::string& parameters, const char* said) {
+    const std::string message = import_medium(parameters).error;
+    EXPECT_TRUE(starts_with(message, "scene.pbrt:2:")) << message;
+    EXPECT_NE(message.find(said), std::string::npos) << parameters << ": " << message;
+  };
+  expect(kColors, "give one of them");
+  expect(kColors + "\"rgb sigma_a\" [1 2 3]", "6 in all, not 3");
+  expect(kColors + "\"rgb sigma_a\" [1 2 3 4 -5 6]", "sample 1 is negative");
+  expect(kColors + kSigmaS + "\"rgb Le\" [1 0 0 0 1 0]", "emits what it absorbs");
+  expect(kColors + kSigmaA + "\"rgb Le\" [1 0 0]", "6 in all, not 3");
+  expect(kColors + kSigmaA + "\"float LeScale\" 2", "has no parameter \"float LeScale\"");
+  expect(kColors + kSigmaA + "\"float scale\" -2", "finite and not negative");
+  expect(kColors + kSigmaA + "\"float g\" 1", "its g is 1");
+  expect(kColors + kSigmaA + "\"integer ny\" 0", "nx, ny and nz");
+  expect(kColors + kSigmaA + "\"integer ny\" 1048576 \"integer nz\" 1048576", "in all");
+  expect(kColors + kSigmaA + "\"float density\" [1 1]", "has no parameter \"float density\"");
+}
+
+TEST(PbrtMedia, clouds_are_sampled_where_their_noise_can_be_seen) {
+  const std::string cloud = "\"string type\" \"cloud\" ";
+  // Without noise a cloud is a ramp in y: twice what is below one half.
+  const Imported ramp = import_medium(cloud + "\"float frequency\" 0 \"float wispiness\" 0 \"float density\" 9 \"rgb sigma_s\" [4 5 6]");
+  ASSERT_EQ(ramp.error, "");
+  EXPECT_EQ(ramp.sink.media[0].medium.sigma_s, (Rgb{4, 5, 6}));
+  const pipeline::VolumeInput& volume = ramp.sink.volumes.at(0);
+  EXPECT_EQ(volume.counts, (std::array<int32_t, 3>{16, 16, 16}));
+  for (int32_t y = 0; y < 16; ++y) {
+    const float at = (static_cast<float>(y) + 0.5f) / 16;
+    EXPECT_NEAR(volume.samples[16 * y], std::clamp(2 * (0.5f - at), 0.0f, 1.0f), 1e-5) << y;
+  }
+  const Imported wispy = import_medium(cloud + "\"float frequency\" 2 \"point3 p0\" [0 0.5 0] \"point3 p1\" [2 1 9]");
+  const pipeline::VolumeInput& noise = wispy.sink.volumes.at(0);
+  EXPECT_EQ(noise.counts, (std::array<int32_t, 3>{128, 32, 256}));
+  const Float3 place = noise.medium_from_lattice.point({17, 3, 200});
+  EXPECT_EQ(noise.samples[(200 * 32 + 3) * 128 + 17], shading::cloud_density(place, {1, 1, 2}));
+  EXPECT_NE(import_medium(cloud + "\"point3 p1\" [1 0 1]").error.find("along axis 1"), std::string::npos);
+  EXPECT_NE(import_medium(cloud + "\"rgb Le\" [1 1 1]").error.find("has no parameter"), std::string::npos);
+  EXPECT_NE(import_medium("\"string type\" \"fog\"").error.find("\"rgbgrid\", \"cloud\""), std::string::npos);
 }
 
 TEST(PbrtMedia, a_camera_without_a_medium_interface_says_none) {

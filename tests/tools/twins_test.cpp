@@ -129,6 +129,15 @@ TEST(KnownAnswers, gas_that_absorbs_lets_through_what_beers_law_says) {
                       "[99 99 2] \"rgb sigma_a\" [0.3 0.3 0.3] \"rgb sigma_s\" [0 0 0] \"float density\" [" +
                       density + "]"),
               std::exp(-0.3 * 2 * 2), 0.004, 2048);
+  // The same as colours, and as one that glows.
+  std::string colors, zeros, glow;
+  for (int i = 0; i < 40; ++i) colors += "0.6 0.6 0.6 ", zeros += "0 0 0 ", glow += "3 3 3 ";
+  const std::string grid =
+      "\"string type\" \"rgbgrid\" \"integer nz\" 40 \"point3 p0\" [-99 -99 -2] \"point3 p1\" [99 99 2] "
+      "\"rgb sigma_a\" [" +
+      colors + "] \"rgb sigma_s\" [" + zeros + "]";
+  expect_mean(gas_box(grid), std::exp(-0.3 * 2 * 2), 0.004, 2048);
+  expect_mean(gas_box(grid + " \"rgb Le\" [" + glow + "]"), std::exp(-1.2) + 3 * (1 - std::exp(-1.2)), 0.004, 2048);
   expect_mean(gas_box("\"string type\" \"homogeneous\" \"rgb sigma_a\" [0.4 0.4 0.4] \"rgb sigma_s\" [0 0 0] "
                       "\"rgb Le\" [3 3 3]"),
               std::exp(-0.8) + 3 * (1 - std::exp(-0.8)), 0.003);

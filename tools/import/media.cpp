@@ -1,8 +1,12 @@
 #include "tools/import/media.h"
 
+#include <algorithm>
 #include <array>
+#include <cmath>
 #include <vector>
 
+#include "cache/base/parallel.h"
+#include "shading/noise.h"
 #include "tools/import/colors.h"
 #include "tools/import/measured_media.h"
 #include "tools/import/spectra.h"
@@ -40,8 +44,10 @@ Status read_coefficients(Session& session, const ParamList& params, Medium& medi
   SPILLWAY_ASSIGN(const std::optional<MeasuredMedium> measured, read_preset(session, params));
   const bool grid = medium.kind == MediumKind::grid;
   SPILLWAY_ASSIGN(const float scale, params.real("scale", 1));
-  SPILLWAY_ASSIGN(const Rgb sigma_a, read_coefficient(session, params, "sigma_a", grid ? Rgb{1, 1, 1} : kMarbleAbsorption));
-  SPILLWAY_ASSIGN(const Rgb sigma_s, read_coefficient(session, params, "sigma_s", grid ? Rgb{1, 1, 1} : kMarbleScattering));
+  SPILLWAY_ASSIGN(const Rgb sigma_a,
+                  read_coefficient(session, params, "sigma_a", grid ? Rgb{1, 1, 1} : kMarbleAbsorption));
+  SPILLWAY_ASSIGN(const Rgb sigma_s,
+                  read_coefficient(session, params, "sigma_s", grid ? Rgb{1, 1, 1} : kMarbleScattering));
   medium.sigma_a = (measured ? measured->sigma_a : sigma_a) * scale;
   medium.sigma_s = (measured ? measured->sigma_s : sigma_s) * scale;
   SPILLWAY_ASSIGN(medium.g, params.real("g", 0));
@@ -69,9 +75,14 @@ class MediumReader {
   Result<Medium> read(const std::string& type) {
     Medium medium;
     if (type != "homogeneous") medium.kind = MediumKind::grid;
+    if (type == "rgbgrid") {
+      SPILLWAY_TRY(read_color_grid(medium));
+      return medium;
+    }
     SPILLWAY_TRY(read_coefficients(session_, params_, medium));
     if (type == "homogeneous") SPILLWAY_TRY(read_homogeneous(medium));
     if (type == "uniformgrid") SPILLWAY_TRY(read_uniform_grid(medium));
+    if (type == "cloud") SPILLWAY_TRY(read_cloud(medium));
     if (type == "nanovdb" || type == "openvdb") SPILLWAY_TRY(read_file(medium));
     return medium;
   }
@@ -88,24 +99,34 @@ class MediumReader {
     return {};
   }
 
-  Result<uint32_t> add_given(const Parameter& samples, const std::array<int32_t, 3>& counts) {
+  Result<uint32_t> add_samples(const Place& place, const std::array<int32_t, 3>& counts, std::vector<float> samples,
+                               uint32_t channels) {
     SPILLWAY_ASSIGN(const Affine3 medium_from_lattice, lattice_of(params_, counts));
     const auto added =
-        session_.sink.add_volume({to_string(samples.place), {}, {}, counts, samples.numbers, medium_from_lattice});
-    if (!added) return error_at(samples.place, "{}", added.error().message);
+        session_.sink.add_volume({to_string(place), {}, {}, counts, std::move(samples), medium_from_lattice, channels});
+    if (!added) return error_at(place, "{}", added.error().message);
     return *added;
   }
 
-  Status read_uniform_grid(Medium& medium) {
+  Result<uint32_t> add_given(const Parameter& samples, const std::array<int32_t, 3>& counts) {
+    return add_samples(samples.place, counts, samples.numbers, 1);
+  }
+
+  Result<std::array<int32_t, 3>> read_counts() {
     std::array<int32_t, 3> counts;
     SPILLWAY_ASSIGN(counts[0], params_.integer("nx", 1));
     SPILLWAY_ASSIGN(counts[1], params_.integer("ny", 1));
     SPILLWAY_ASSIGN(counts[2], params_.integer("nz", 1));
-    const Parameter* density = params_.find(ParamType::real, "density");
-    if (density == nullptr) return error_at(name_.place, "a uniformgrid medium without \"float density\"");
     for (const int32_t n : counts)
       if (n < 1 || n > cache::kMaxLattice)
         return error_at(name_.place, "nx, ny and nz must lie between 1 and {}", cache::kMaxLattice);
+    return counts;
+  }
+
+  Status read_uniform_grid(Medium& medium) {
+    SPILLWAY_ASSIGN(const auto counts, read_counts());
+    const Parameter* density = params_.find(ParamType::real, "density");
+    if (density == nullptr) return error_at(name_.place, "a uniformgrid medium without \"float density\"");
     SPILLWAY_ASSIGN(medium.density_volume, add_given(*density, counts));
     SPILLWAY_ASSIGN(const std::optional<Rgb> emission, read_emission());
     const Parameter* temperature = params_.find(ParamType::real, "temperature");
@@ -130,6 +151,90 @@ class MediumReader {
     }
     medium.glow_kind = GlowKind::scaled;
     SPILLWAY_ASSIGN(medium.glow_volume, add_given(*scale, counts));
+    return {};
+  }
+
+  // The samples of a colour grid as linear Rec. 709, each in turn; none when the scene does not give them.
+  Result<std::optional<std::vector<float>>> read_colors(std::string_view name, const std::array<int32_t, 3>& counts) {
+    const Parameter* given = params_.find(ParamType::rgb, name);
+    if (given == nullptr) return std::optional<std::vector<float>>();
+    const double wanted = 3.0 * counts[0] * counts[1] * counts[2];
+    if (static_cast<double>(given->numbers.size()) != wanted)
+      return error_at(given->place, "\"rgb {}\" takes three numbers a sample of nx * ny * nz, {} in all, not {}", name,
+                      wanted, given->numbers.size());
+    std::vector<float> colors = given->numbers;
+    for (size_t i = 0; i < colors.size(); i += 3) {
+      if (given->color_space == ColorSpace::srgb) {
+        if (std::min({colors[i], colors[i + 1], colors[i + 2]}) >= 0) continue;
+        return error_at(given->place, "\"rgb {}\": sample {} is negative", name, i / 3);
+      }
+      const Rgb inside = surface_rec709(given->color_space, {colors[i], colors[i + 1], colors[i + 2]});
+      colors[i] = std::max(inside.r, 0.0f), colors[i + 1] = std::max(inside.g, 0.0f);
+      colors[i + 2] = std::max(inside.b, 0.0f);
+    }
+    return std::optional(std::move(colors));
+  }
+
+  // What is not given of absorption and scattering is one everywhere, as in pbrt.
+  Status read_color_grid(Medium& medium) {
+    medium.kind = MediumKind::color_grid;
+    SPILLWAY_ASSIGN(const auto counts, read_counts());
+    SPILLWAY_ASSIGN(const auto absorbs, read_colors("sigma_a", counts));
+    SPILLWAY_ASSIGN(auto scatters, read_colors("sigma_s", counts));
+    if (!absorbs && !scatters)
+      return error_at(name_.place, "an rgbgrid medium without \"rgb sigma_a\" and \"rgb sigma_s\": give one of them");
+    const Place place = params_.find(ParamType::rgb, absorbs ? "sigma_a" : "sigma_s")->place;
+    std::vector<float> total = absorbs ? *absorbs : std::vector<float>(scatters->size(), 1);
+    if (!scatters) scatters = std::vector<float>(total.size(), 1);
+    for (size_t i = 0; i < total.size(); ++i) total[i] += (*scatters)[i];
+    SPILLWAY_ASSIGN(medium.density_volume, add_samples(place, counts, std::move(total), 3));
+    SPILLWAY_ASSIGN(medium.scatter_volume, add_samples(place, counts, std::move(*scatters), 3));
+    SPILLWAY_ASSIGN(const float scale, params_.real("scale", 1));
+    medium.sigma_a = {0, 0, 0}, medium.sigma_s = {scale, scale, scale};
+    SPILLWAY_ASSIGN(medium.g, params_.real("g", 0));
+    return read_color_emission(counts, absorbs.has_value(), medium);
+  }
+
+  Status read_color_emission(const std::array<int32_t, 3>& counts, bool absorbs, Medium& medium) {
+    SPILLWAY_ASSIGN(auto emission, read_colors("Le", counts));
+    if (!emission) return {};
+    const Place place = params_.find(ParamType::rgb, "Le")->place;
+    if (!absorbs)
+      return error_at(place, "an rgbgrid medium emits what it absorbs: \"rgb Le\" takes \"rgb sigma_a\" too");
+    SPILLWAY_ASSIGN(const float scale,
+                    params_.real(params_.find(ParamType::real, "LeScale") ? "LeScale" : "Lescale", 1));
+    medium.glow_kind = GlowKind::colors, medium.glow = {scale, scale, scale};
+    SPILLWAY_ASSIGN(medium.glow_volume, add_samples(place, counts, std::move(*emission), 3));
+    return {};
+  }
+
+  // A function of the place, sampled twice a finest wave of its noise (16 times the frequency), 256 samples an axis at
+  // most.
+  Status read_cloud(Medium& medium) {
+    shading::CloudParams cloud;
+    SPILLWAY_ASSIGN(cloud.density, params_.real("density", cloud.density));
+    SPILLWAY_ASSIGN(cloud.wispiness, params_.real("wispiness", cloud.wispiness));
+    SPILLWAY_ASSIGN(cloud.frequency, params_.real("frequency", cloud.frequency));
+    SPILLWAY_ASSIGN(const Float3 p0, params_.point3("p0", {0, 0, 0}));
+    SPILLWAY_ASSIGN(const Float3 p1, params_.point3("p1", {1, 1, 1}));
+    constexpr float kSamplesPerUnit = 2 * 16, kMostSamples = 256;
+    std::array<int32_t, 3> counts;
+    for (int a = 0; a < 3; ++a) {
+      if (p0[a] == p1[a]) return error_at(name_.place, "p0 and p1 of a cloud are at the same place along axis {}", a);
+      const float wanted = std::ceil(std::fabs((p1[a] - p0[a]) * cloud.frequency) * kSamplesPerUnit);
+      counts[a] = static_cast<int32_t>(std::clamp(wanted, 16.0f, kMostSamples));
+    }
+    SPILLWAY_ASSIGN(const Affine3 medium_from_lattice, lattice_of(params_, counts));
+    std::vector<float> samples(static_cast<size_t>(counts[0]) * counts[1] * counts[2]);
+    parallel_blocks(static_cast<size_t>(counts[2]), 1, [&](size_t z, size_t, size_t) {
+      size_t at = z * counts[1] * counts[0];
+      for (int32_t y = 0; y < counts[1]; ++y)
+        for (int32_t x = 0; x < counts[0]; ++x) {
+          const Float3 p{static_cast<float>(x), static_cast<float>(y), static_cast<float>(z)};
+          samples[at++] = shading::cloud_density(medium_from_lattice.point(p), cloud);
+        }
+    });
+    SPILLWAY_ASSIGN(medium.density_volume, add_samples(name_.place, counts, std::move(samples), 1));
     return {};
   }
 
@@ -179,7 +284,8 @@ std::vector<Rgb> black_body_table() {
 }
 
 bool is_supported(const std::string& type) {
-  return type == "homogeneous" || type == "uniformgrid" || type == "nanovdb" || type == "openvdb";
+  return type == "homogeneous" || type == "uniformgrid" || type == "rgbgrid" || type == "cloud" || type == "nanovdb" ||
+         type == "openvdb";
 }
 
 }  // namespace
@@ -188,10 +294,11 @@ Status MediumTable::define(const Token& name, ParamList params, const Transform&
   const Parameter* given = params.find(ParamType::string, "type");
   const std::string type = given != nullptr && given->strings.size() == 1 ? given->strings[0] : "";
   if (!is_supported(type))
-    return error_at(name.place,
-                    "medium type \"{}\" is not supported: use \"homogeneous\", \"uniformgrid\", \"nanovdb\" or "
-                    "\"openvdb\"",
-                    type);
+    return error_at(
+        name.place,
+        "medium type \"{}\" is not supported: use \"homogeneous\", \"uniformgrid\", \"rgbgrid\", \"cloud\", "
+        "\"nanovdb\" or \"openvdb\"",
+        type);
   MediumInput input{fmt::format("medium {}", to_string(name)), {}, world_from_medium.affine()};
   SPILLWAY_ASSIGN(input.medium, MediumReader(session_, params, name).read(type));
   SPILLWAY_TRY(params.check_all_used(session_, fmt::format("medium type \"{}\"", type)));
