@@ -20,6 +20,11 @@
 
 namespace spillway::pipeline {
 
+// When, of `limit` rays of each kind that may be parked so many are, a wave takes them back and sweeps.
+[[nodiscard]] constexpr bool are_nearly_full(double paths, double shadows, double limit) {
+  return 4 * std::max(paths, shadows) > 3 * limit;
+}
+
 template <class Record>
 class ParkedColumn {
  public:
@@ -45,7 +50,10 @@ class ParkedRays {
  public:
   explicit ParkedRays(size_t limit) : paths_(limit), shadows_(limit), limit_(limit) {}
   [[nodiscard]] bool empty() const { return paths_.size() + shadows_.size() == 0; }
-  [[nodiscard]] bool is_nearly_full() const { return 4 * std::max(paths_.size(), shadows_.size()) > 3 * limit_; }
+  [[nodiscard]] bool is_nearly_full() const { 
+    return are_nearly_full(static_cast<double>(paths_.size()), static_cast<double>(shadows_.size()),
+                           static_cast<double>(limit_));
+  }
   [[nodiscard]] bool any_of_half(uint32_t half) const { return paths_.of_half()[half] + shadows_.of_half()[half] > 0; }
   [[nodiscard]] size_t path_room() const { return paths_.room(); }
   [[nodiscard]] size_t shadow_room() const { return shadows_.room(); }

@@ -165,6 +165,7 @@ class RenderLoop {
     hits.clear();
     sort_wave(wave, report);
     SPILLWAY_TRY(trace_wave(wave, report));
+    log_wave(wave, report);
     if (report_.has_media) SPILLWAY_TRY(track_wave(wave, report));
     if (parked_count_ > 0) SPILLWAY_TRY(parked_.park(wave.paths, path_hits_, wave.shadows, shadow_hits_));
     SPILLWAY_TRY(route_wave(wave, hits, report));
@@ -217,10 +218,6 @@ class RenderLoop {
     trace_options.pair_limit_bytes = state_.plan.pair_bytes;
     if (!sweeps_) trace_options.park_paths = parked_.path_room(), trace_options.park_shadows = parked_.shadow_room();
     trace_options.resident_first = state_.options.resident_first;
-    if (AccessLog* log = state_.options.access_log) {
-      trace_options.access = &log->wave();
-      trace_options.camera_rays_from = path_count - report.generated_count;  // they were added last
-    }
     if (state_.costs) {
       ray_costs_.renew(MemoryTag::rays, path_count + shadow_count), ray_costs_.set_size(path_count + shadow_count);
       std::fill(ray_costs_.begin(), ray_costs_.end(), RayCost{});
@@ -263,6 +260,14 @@ class RenderLoop {
         state_.costs.get()));
     if (state_.plan.spills) order_ = {}, path_hits_ = {}, shadow_hits_ = {};
     return {};
+  }
+
+  // Path rays from the camera were added last.
+  void log_wave(const Wave& wave, const WaveReport& report) {
+    if (!state_.needs) return;
+    const StageTimer timer("log_needs", report_.log_seconds);
+    state_.needs->log_wave(*state_.pages, {wave.paths.hot, wave.shadows.hot, path_hits_, shadow_hits_, order_},
+                           wave.paths.hot.size() - report.generated_count);
   }
 
   void begin_log() {
@@ -394,7 +399,7 @@ Result<RenderedImage> RenderSession::render(const shading::Camera& camera) {
   RenderedImage image;
   const Status rendered = RenderLoop(state, image.report).run();
   if (rendered) fill_report(state, before, image.report);
-  if (rendered && state.options.access_log) fill_log(state, image.report);
+  if (rendered && state.options.access_log) SPILLWAY_TRY(fill_log(state, image.report));
   image.film = std::move(state.film), image.costs = std::move(state.costs);
   SPILLWAY_TRY(rendered);
   return image;

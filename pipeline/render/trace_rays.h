@@ -20,7 +20,6 @@
 #include "cache/part_store.h"
 #include "cache/ray.h"
 #include "cache/trace_kernel.h"
-#include "pipeline/render/access_log.h"
 #include "pipeline/render/pixel_costs.h"
 
 namespace spillway::pipeline {
@@ -31,9 +30,6 @@ struct TraceRaysOptions {
   bool resident_first = true;            // off: all pages are swept in file order (ablation)
   // When no more rays than these wait for pages, none is read: they are marked kHitWaits, for another wave.
   size_t park_paths = 0, park_shadows = 0;
-  // What the rays need is logged here: of every ray, by another walk through the page tree.
-  WaveAccess* access = nullptr;
-  size_t camera_rays_from = SIZE_MAX;  // path rays from here on come from the camera (for the log)
   std::span<RayCost> costs = {};       // one a ray, paths first: what it took is added. Empty: nobody asks
 };
 
