@@ -55,7 +55,9 @@ struct AccessFacts {
   double page_wait_seconds = 0, attribute_wait_seconds = 0;
   uint64_t sampled_of = 1;         // one ray in so many is a sample
   uint64_t probe_bytes = 0;        // of pages, read again before the first wave for nothing but
-  double probe_seconds = 0;        // the time that takes
+  double probe_seconds = 0;        // the time that takes,
+  double probe_cpu_seconds = 0;    // and the processors' time
+  uint64_t threads = 1;
 };
 
 class AccessLog {

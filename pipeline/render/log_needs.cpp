@@ -4,6 +4,7 @@
 #include <atomic>
 #include <bit>
 #include <chrono>
+#include <ctime>
 #include <numeric>
 
 #include "cache/base/hash.h"
@@ -14,9 +15,9 @@ namespace spillway::pipeline {
 namespace {
 
 constexpr size_t kBlockRays = 512;
-constexpr size_t kOccludedBatch = 1 << 17;          // some 12 pairs of 16 bytes each share a sweep
-constexpr uint64_t kProbedBytes = 256ull << 20;     // read again to learn how fast that is
-constexpr double kRaysAPath = 4;                    // about, shadow rays included: it sets the size of samples alone
+constexpr size_t kOccludedBatch = 1 << 17;       // some 12 pairs of 16 bytes each share a sweep
+constexpr uint64_t kProbedBytes = 256ull << 20;  // read again to learn how fast that is
+constexpr double kRaysAPath = 4;                 // about, shadow rays included: it sets the size of samples alone
 
 enum : uint8_t { kOfCamera = 1, kOfContinued = 2, kOfShadow = 4, kBoxOfCamera = 8, kBoxOfLater = 16 };
 
@@ -81,9 +82,29 @@ class NeedsLog::WaveNeeds {
     RayNeeds& needs = samples.emplace_back();
     needs.kind = kind;
     for (const cache::PageVisit& visit : met) needs.pages.push_back(visit.page);
+    if (rays_.is_path(ray) && batch_.path_hits[ray].prim != PrimId::kNone) {
+      // Front to back: the hit is in the last one that is seen from its instance, most often.
+      for (const cache::PageVisit& visit : met)
+        if (visit.instance == batch_.path_hits[ray].instance) needs.stops = {visit.page};
+      if (!needs.stops.empty()) add_behind(ray, visits, needs);
+    }
     sort_unique(needs.pages);
     const uint8_t box = kind == RayKind::camera ? kBoxOfCamera : kBoxOfLater;
-    for (const cache::PageVisit& visit : rays_.pages_before_hit(ray, {log_.none_.data()}, visits)) mark(visit.page, box);
+    for (const cache::PageVisit& visit : rays_.pages_before_hit(ray, {log_.none_.data()}, visits))
+      mark(visit.page, box);
+  }
+
+  // What the ray would meet without its hit.
+  void add_behind(uint32_t ray, VisitList& visits, RayNeeds& needs) const {
+    const auto contains = [](const std::vector<uint32_t>& list, uint32_t page) {
+      return std::ranges::find(list, page) != list.end();
+    };
+    for (const cache::PageVisit& visit :
+         visits.met(log_.tree_, {log_.with_tops_.data()}, 0, UINT32_MAX, cache::TraceMode::nearest, ray_at(ray),
+                    cache::no_hit(ray_at(ray)))) {
+      if (needs.stops.size() > RayNeeds::kMostBehind) return;
+      if (!contains(needs.pages, visit.page) && !contains(needs.stops, visit.page)) needs.stops.push_back(visit.page);
+    }
   }
 
   const NeedsLog& log_;
@@ -125,12 +146,15 @@ Status NeedsLog::read_tops(cache::PartStore& pages, uint32_t nodes_a_page) {
   // They are known now, as pages are that a render reads again.
   const uint64_t before = pages.counters().bytes_read;
   const auto start = std::chrono::steady_clock::now();
+  const std::clock_t cpu_start = std::clock();  // of all threads
   for (uint32_t first = 0; first < page_count && pages.counters().bytes_read - before < kProbedBytes; first += 32) {
     const std::span<const uint32_t> some = std::span(all).subspan(first, std::min(32u, page_count - first));
     SPILLWAY_TRY(pages.sweep(some, [](uint32_t, std::span<const std::byte>) -> Status { return {}; }));
   }
   log_.facts.probe_bytes = pages.counters().bytes_read - before;
   log_.facts.probe_seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  log_.facts.probe_cpu_seconds = static_cast<double>(std::clock() - cpu_start) / CLOCKS_PER_SEC;
+  log_.facts.threads = static_cast<uint64_t>(tbb::this_task_arena::max_concurrency());
   log_.facts.sampled_of = sampled_of_;
   return {};
 }
@@ -169,7 +193,8 @@ void NeedsLog::log_wave(PageViews& pages, const TraceBatch& batch, size_t camera
 
 Status NeedsLog::find_occluders(cache::PartStore& pages) {
   for (size_t first = 0; first < occluded_.size(); first += kOccludedBatch)
-    SPILLWAY_TRY(find_batch(pages, std::span(occluded_).subspan(first, std::min(kOccludedBatch, occluded_.size() - first))));
+    SPILLWAY_TRY(
+        find_batch(pages, std::span(occluded_).subspan(first, std::min(kOccludedBatch, occluded_.size() - first))));
   return {};
 }
 
@@ -178,8 +203,8 @@ Status NeedsLog::find_batch(cache::PartStore& pages, std::span<const OccludedRay
   VisitList visits;
   for (uint32_t r = 0; r < rays.size(); ++r) {
     const cache::TraceHit hit = cache::no_hit(rays[r].ray);
-    for (const cache::PageVisit& visit : visits.met(tree_, {with_tops_.data()}, 0, UINT32_MAX, cache::TraceMode::occlusion,
-                                                    rays[r].ray, hit))
+    for (const cache::PageVisit& visit :
+         visits.met(tree_, {with_tops_.data()}, 0, UINT32_MAX, cache::TraceMode::occlusion, rays[r].ray, hit))
       pairs.push_back({visit.page, r, visit.instance, 0});
   }
   const MemoryClaim claim(MemoryTag::trace_log, pairs.capacity() * sizeof(OccludedPair));
@@ -215,9 +240,9 @@ void NeedsLog::write_batch(std::span<const OccludedRay> rays, std::span<const Oc
     RayNeeds needs{RayKind::shadow, {}, {}};
     for (; at < pairs.size() && pairs[at].ray == r; ++at) {
       needs.pages.push_back(pairs[at].page);
-      if (pairs[at].occludes != 0) needs.occluders.push_back(pairs[at].page);
+      if (pairs[at].occludes != 0) needs.stops.push_back(pairs[at].page);
     }
-    sort_unique(needs.pages), sort_unique(needs.occluders);
+    sort_unique(needs.pages), sort_unique(needs.stops);
     ++counted[std::move(needs)];
     if (r + 1 < rays.size() && rays[r + 1].wave == rays[r].wave) continue;
     put_samples(log_.sample_bytes, rays[r].wave, counted);

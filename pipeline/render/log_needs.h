@@ -4,10 +4,9 @@
 // that it is the same for any budget.
 //
 // Owns: the tops of all pages, and the sampled shadow rays that something occludes. Memory: tags page_tree (tops) and
-// trace_log: 36 bytes a ray of the latter, kMostSamples at most in all; while read_tops() runs some of the largest pages.
-// Threads: one at a time; log_wave() uses the arena.
-// Order: none of it depends on threads or memory.
-// What occludes a ray is found after the last wave, by one sweep for many rays: a wave that does not have the pages in
+// trace_log: 36 bytes a ray of the latter, kMostSamples at most in all; while read_tops() runs some of the largest
+// pages. Threads: one at a time; log_wave() uses the arena. Order: none of it depends on threads or memory. What
+// occludes a ray is found after the last wave, by one sweep for many rays: a wave that does not have the pages in
 // memory does not look. Its reads are no part of the run's counters, nor is its time.
 
 #include <memory>

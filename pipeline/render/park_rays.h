@@ -5,7 +5,7 @@
 // In:  columns of a wave, and its hits, some of them marked kHitWaits by trace_rays.
 // Out: those rays, given back to a later wave, which traces them from their beginnings and sweeps.
 // Not: in scenes with media, or whose shadow rays carry more than these columns; where waves are spilled; while an access
-//      log is written.
+//      log is written (which tells of each wave's own rays; replay_access parks them).
 // Memory: tags rays and paths, for `limit` rays of each kind, at birth.
 // Order: as the rays of the wave; which wave a ray is in shows nowhere.
 // Why: a wave in memory is a few hundred thousand paths, and a few percent of its rays need most of the pages that are

@@ -22,13 +22,24 @@ uint32_t get_list(NumberReader& reader, std::vector<uint32_t>& items, uint64_t l
   return static_cast<uint32_t>(count);
 }
 
+uint32_t get_stops(NumberReader& reader, std::vector<uint32_t>& items, uint64_t limit) {
+  const uint64_t count = reader.count(limit);
+  for (uint64_t i = 0; i < count && reader.ok; ++i) {
+    const uint64_t page = reader.number();
+    if (page >= limit) reader.ok = false;
+    items.push_back(static_cast<uint32_t>(page));
+  }
+  return static_cast<uint32_t>(count);
+}
+
 void get_row(NumberReader& reader, uint64_t page_count, WaveSamples& wave) {
   const uint64_t kind = reader.number(), count = reader.number();
   if (kind >= kRayKinds || count == 0 || count > UINT32_MAX) reader.ok = false;
   if (!reader.ok) return;
-  SampleRow row{static_cast<RayKind>(kind), static_cast<uint32_t>(count), static_cast<uint32_t>(wave.items.size()), 0, 0};
+  SampleRow row{static_cast<RayKind>(kind), static_cast<uint32_t>(count), static_cast<uint32_t>(wave.items.size()), 0,
+                0};
   row.page_count = get_list(reader, wave.items, page_count);
-  if (row.kind == RayKind::shadow) row.occluder_count = get_list(reader, wave.items, page_count);
+  row.stop_count = get_stops(reader, wave.items, page_count);
   wave.rows.push_back(row);
 }
 
@@ -42,7 +53,8 @@ void put_samples(std::vector<std::byte>& bytes, uint32_t wave, const CountedNeed
     put_number(bytes, static_cast<uint64_t>(needs.kind));
     put_number(bytes, count);
     put_list(bytes, needs.pages);
-    if (needs.kind == RayKind::shadow) put_list(bytes, needs.occluders);
+    put_number(bytes, needs.stops.size());
+    for (const uint32_t page : needs.stops) put_number(bytes, page);
   }
 }
 

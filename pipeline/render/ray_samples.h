@@ -4,7 +4,7 @@
 // wait, and which shadow rays need nothing more because something that is in memory occludes them.
 //
 // Format: bytes of groups, each a wave's number, how many kinds of rays follow, and of each: its RayKind, how many rays
-//         it stands for, the pages, and of shadow rays the pages that occlude it. Numbers and lists as in
+//         it stands for, the pages (an ascending list) and the stops (their number, and each). Numbers and lists as in
 //         ascending_list.h. Rays of a kind that need the same are one row.
 
 #include <cstddef>
@@ -19,10 +19,15 @@ enum class RayKind : uint8_t { camera, continued, shadow };
 inline constexpr uint8_t kRayKinds = 3;
 
 // What a ray needs: the pages it meets as far as their tops tell (cache/page_tops.h), before its hit or its light. An
-// occluded shadow ray meets all as far as its light, and needs none once a page that occludes it is in memory.
+// occluded shadow ray meets all as far as its light, and needs none once a page that occludes it is in memory. A path
+// that hits needs pages behind its hit as well while the page of the hit is not in memory: as far as one that is.
 struct RayNeeds {
+  static constexpr size_t kMostBehind = 8;
+
   RayKind kind = RayKind::camera;
-  std::vector<uint32_t> pages, occluders;  // ascending
+  std::vector<uint32_t> pages;  // ascending
+  // Of shadow rays: what occludes them. Of paths: where they hit, and what is behind, front to back.
+  std::vector<uint32_t> stops;
   auto operator<=>(const RayNeeds&) const = default;
 };
 using CountedNeeds = std::map<RayNeeds, uint32_t>;
@@ -33,7 +38,7 @@ void put_samples(std::vector<std::byte>& bytes, uint32_t wave, const CountedNeed
 struct SampleRow {
   RayKind kind = RayKind::camera;
   uint32_t count = 0;
-  uint32_t first_page = 0, page_count = 0, occluder_count = 0;  // in items: pages, then occluders
+  uint32_t first_page = 0, page_count = 0, stop_count = 0;  // in items: pages, then stops
 };
 struct WaveSamples {
   std::vector<SampleRow> rows;
@@ -41,8 +46,8 @@ struct WaveSamples {
   [[nodiscard]] std::span<const uint32_t> pages(const SampleRow& row) const {
     return {items.data() + row.first_page, row.page_count};
   }
-  [[nodiscard]] std::span<const uint32_t> occluders(const SampleRow& row) const {
-    return {items.data() + row.first_page + row.page_count, row.occluder_count};
+  [[nodiscard]] std::span<const uint32_t> stops(const SampleRow& row) const {
+    return {items.data() + row.first_page + row.page_count, row.stop_count};
   }
 };
 

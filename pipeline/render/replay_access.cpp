@@ -11,7 +11,7 @@
 namespace spillway::pipeline {
 namespace {
 
-constexpr double kMostWaves = 1 << 22;  // 2^38 paths in small waves: more is no frame
+constexpr double kMostWaves = 1 << 22;             // 2^38 paths in small waves: more is no frame
 constexpr double kUnprobedBytesPerSecond = 2.8e9;  // as the planner's
 
 using List = std::vector<uint32_t>;
@@ -44,12 +44,12 @@ class LogRanges {
     if (waves.empty()) waves.push_back(static_cast<uint32_t>(wave_at(0.5 * (range.first + range.last))));
     return waves;
   }
-  [[nodiscard]] List waves_of(const std::vector<PathRange>& ranges) const {
+  // Those in which such paths went on: the next ones.
+  [[nodiscard]] List waves_after(const std::vector<PathRange>& ranges) const {
     List all;
-    for (const PathRange& range : ranges) {
-      const List waves = waves_of(range);
-      all.insert(all.end(), waves.begin(), waves.end());
-    }
+    const auto last = static_cast<uint32_t>(begins_.size() - 2);
+    for (const PathRange& range : ranges)
+      for (const uint32_t wave : waves_of(range)) all.push_back(std::min(wave + 1, last));
     std::ranges::sort(all);
     all.erase(std::unique(all.begin(), all.end()), all.end());
     return all;
@@ -61,6 +61,11 @@ class LogRanges {
     return after == begins_.begin() ? 0 : static_cast<size_t>(after - begins_.begin()) - 1;
   }
   std::vector<double> begins_;  // of each wave's paths, and the end
+};
+
+struct ReplayRead {
+  uint64_t first_bytes = 0, again_bytes = 0;
+  [[nodiscard]] uint64_t bytes() const { return first_bytes + again_bytes; }
 };
 
 // Of a kind of rays of a wave: how many were sampled, and how many of these wait.
@@ -112,13 +117,9 @@ class ReplayPages {
     parked_.assign(parked_.size(), false);
   }
 
-  struct Read {
-    uint64_t first_bytes = 0, again_bytes = 0;
-    [[nodiscard]] uint64_t bytes() const { return first_bytes + again_bytes; }
-  };
   // One sweep over what is due.
-  Read sweep() {
-    Read read;
+  ReplayRead sweep() {
+    ReplayRead read;
     for (uint32_t page = 0; page < due_.size(); ++page) {
       if (!due_[page]) continue;
       residency_.ask(page);
@@ -141,17 +142,23 @@ class ReplayPages {
       if ((row.kind == RayKind::camera) != of_camera) continue;
       Waiting& w = waiting_[static_cast<size_t>(row.kind)];
       w.all += row.count;
-      const auto pages = samples.pages(row), occluders = samples.occluders(row);
-      if (const auto occluder = std::ranges::find_if(occluders, is_resident); occluder != occluders.end()) {
-        residency_.ask(*occluder);
+      const auto pages = samples.pages(row), stops = samples.stops(row);
+      const auto stop = std::ranges::find_if(stops, is_resident);
+      if (row.kind == RayKind::shadow && stop != stops.end()) {
+        residency_.ask(*stop);
         continue;
       }
       if (std::ranges::all_of(pages, is_resident)) continue;
       w.waiting += row.count;
-      if (occluders.empty()) continue;
-      for (const uint32_t page : pages)
-        if (!is_resident(page)) due_[page] = true;
+      if (row.kind == RayKind::shadow && !stops.empty()) add_due(pages);
+      // Where a page before the hit is in memory the hit may be in that one: what is said of it is a guess.
+      if (row.kind != RayKind::shadow && std::ranges::none_of(pages, is_resident)) add_due({stops.begin(), stop});
     }
+  }
+
+  void add_due(std::span<const uint32_t> pages) {
+    for (const uint32_t page : pages)
+      if (!residency_.is_resident(page)) due_[page] = true;
   }
 
   const AccessLog& log_;
@@ -165,18 +172,21 @@ class ReplayPages {
 class ReplayBlocks {
  public:
   ReplayBlocks(const AccessLog& log, const Plan& plan)
-      : log_(log), residency_(log.attribute_bytes, plan.attribute_bytes, plan.read_ahead_bytes) {}
+      : log_(log),
+        residency_(log.attribute_bytes, plan.attribute_bytes, plan.read_ahead_bytes),
+        was_read_(log.attribute_bytes.size()) {}
 
-  uint64_t sweep(const List& begun, const List& going_on) {
+  ReplayRead sweep(const List& begun, const List& going_on) {
     Set needed(log_.attribute_bytes.size());
     for (const uint32_t w : begun) add(log_.waves[w].attribute_blocks, needed);
     for (const uint32_t w : going_on) add(log_.waves[w].attribute_blocks, needed);
-    uint64_t read = 0;
+    ReplayRead read;
     for (uint32_t block = 0; block < needed.size(); ++block) {
       if (!needed[block]) continue;
       residency_.ask(block);
       if (residency_.is_resident(block)) continue;
-      read += log_.attribute_bytes[block];
+      (was_read_[block] ? read.again_bytes : read.first_bytes) += log_.attribute_bytes[block];
+      was_read_[block] = true;
       if (residency_.take_room(block)) residency_.set_resident(block);
     }
     residency_.rebalance([](uint32_t) {});
@@ -186,24 +196,33 @@ class ReplayBlocks {
  private:
   const AccessLog& log_;
   cache::Residency residency_;
+  Set was_read_;
 };
 
 // Seconds that reading a byte makes a render wait.
 struct ReadCosts {
   double first = 0, again = 0;
+  double compute = 0;  // what it takes of the tracing threads, who share the processors with those that read
 };
 
-// A page that was read before is known by its checksum, which the log's probe measured; of those that are new the log's own
-// waits tell, when it read no others.
+uint64_t unique_bytes(const AccessLog& log) {
+  uint64_t unique = 0;
+  Set seen(log.page_bytes.size());
+  for (const WaveAccess& w : log.waves)
+    for (const uint32_t page : w.read_pages) unique += seen[page] ? 0 : log.page_bytes[page], seen[page] = true;
+  return unique;
+}
+
+// A page that was read before is known by its checksum, which the log's probe measured; of those that are new the log's
+// own waits tell, when it read no others.
 ReadCosts read_costs(const AccessLog& log, const ReplayRates& rates) {
   const AccessFacts& f = log.facts;
   ReadCosts costs;
   costs.again = f.probe_bytes > 0 ? f.probe_seconds / static_cast<double>(f.probe_bytes) : 1 / kUnprobedBytesPerSecond;
   costs.first = costs.again;
-  uint64_t unique = 0;
-  Set seen(log.page_bytes.size());
-  for (const WaveAccess& w : log.waves)
-    for (const uint32_t page : w.read_pages) unique += seen[page] ? 0 : log.page_bytes[page], seen[page] = true;
+  if (f.probe_bytes > 0 && f.threads > 0)
+    costs.compute = f.probe_cpu_seconds / static_cast<double>(f.threads) / static_cast<double>(f.probe_bytes);
+  const uint64_t unique = unique_bytes(log);
   if (unique > 0 && unique == f.page_bytes_read) costs.first = f.page_wait_seconds / static_cast<double>(unique);
   if (rates.disk_bytes_per_second > 0) costs.first = costs.again = 1 / rates.disk_bytes_per_second;
   return costs;
@@ -224,50 +243,79 @@ Status check(const AccessLog& log, const Plan& plan) {
   return {};
 }
 
+// Goes through the waves of a plan.
+class Replayer {
+ public:
+  Replayer(const AccessLog& log, std::vector<WaveSamples> samples, const Plan& plan, const ReadCosts& costs)
+      : ranges_(log), costs_(costs), pages_(log, std::move(samples), plan), blocks_(log, plan), waves_(log, plan) {
+    replay_.plan = plan;
+  }
+
+  Replay run() {
+    for (ReplayWave wave; waves_.next(wave); waves_.advance()) {
+      const List begun = ranges_.waves_of(wave.begun), going_on = ranges_.waves_after(wave.going_on);
+      trace(wave, begun, going_on);
+      const ReplayRead read = blocks_.sweep(begun, going_on);
+      replay_.attribute_bytes += read.bytes();
+      // Blocks are not gone through when they are new, as pages are.
+      replay_.io_seconds += static_cast<double>(read.bytes()) * costs_.again;
+      replay_.compute_seconds += static_cast<double>(read.again_bytes) * costs_.compute;
+      ++replay_.wave_count;
+    }
+    return replay_;
+  }
+
+ private:
+  void trace(const ReplayWave& wave, const List& begun, const List& going_on) {
+    pages_.begin(begun, going_on);
+    const double camera = pages_.waiting(RayKind::camera).share(), later = pages_.waiting(RayKind::continued).share();
+    const double shadow = pages_.waiting(RayKind::shadow).share();
+    const double paths = wave.camera_paths * camera + wave.later_paths * later, shadows = wave.shadows * shadow;
+    if (pages_.any_due() && waves_.may_park(wave, paths, shadows)) {
+      pages_.park();
+      waves_.park(wave, camera, later, shadow);
+      replay_.parked_rays += paths + shadows;
+      return;
+    }
+    if (wave.unparked > 0) pages_.unpark();
+    const ReplayRead read = pages_.sweep();
+    pages_.rebalance();
+    replay_.page_bytes += read.bytes(), replay_.page_sweeps += read.bytes() > 0 ? 1 : 0;
+    replay_.waiting_rays += paths + shadows + wave.unparked;
+    const auto first = static_cast<double>(read.first_bytes), again = static_cast<double>(read.again_bytes);
+    replay_.io_seconds += first * costs_.first + again * costs_.again;
+    replay_.compute_seconds += again * costs_.compute;
+  }
+
+  const LogRanges ranges_;
+  const ReadCosts costs_;
+  ReplayPages pages_;
+  ReplayBlocks blocks_;
+  ReplayWaves waves_;
+  Replay replay_;
+};
+
+// What the logged run computed, logging and what it read again itself left out.
+double computed_seconds(const AccessLog& log, const ReadCosts& costs) {
+  const AccessFacts& f = log.facts;
+  const uint64_t unique = unique_bytes(log), again = f.page_bytes_read > unique ? f.page_bytes_read - unique : 0;
+  const double seconds = f.seconds - f.log_seconds - f.page_wait_seconds - f.attribute_wait_seconds;
+  return std::max(0.0, seconds - static_cast<double>(again) * costs.compute);
+}
+
 }  // namespace
 
 Result<Replay> replay_access(const AccessLog& log, PlanOptions options, const ReplayRates& rates) {
   if (log.waves.empty()) return error("the log has no waves");
-  Replay replay;
-  SPILLWAY_ASSIGN(replay.plan, plan_render(log.facts.scene, options));
-  SPILLWAY_TRY(check(log, replay.plan));
+  SPILLWAY_ASSIGN(const Plan plan, plan_render(log.facts.scene, options));
+  SPILLWAY_TRY(check(log, plan));
   SPILLWAY_ASSIGN(std::vector<WaveSamples> samples, log.samples());
-  const LogRanges ranges(log);
   const ReadCosts costs = read_costs(log, rates);
-  ReplayPages pages(log, std::move(samples), replay.plan);
-  ReplayBlocks blocks(log, replay.plan);
-  ReplayWaves waves(log, replay.plan);
-  for (ReplayWave wave; waves.next(wave); waves.advance()) {
-    const List begun = ranges.waves_of(wave.begun), going_on = ranges.waves_of(wave.going_on);
-    pages.begin(begun, going_on);
-    const double camera = pages.waiting(RayKind::camera).share(), later = pages.waiting(RayKind::continued).share();
-    const double shadow = pages.waiting(RayKind::shadow).share();
-    const double paths = wave.camera_paths * camera + wave.later_paths * later, shadows = wave.shadows * shadow;
-    if (pages.any_due() && waves.may_park(wave, paths, shadows)) {
-      pages.park();
-      waves.park(wave, camera, later, shadow);
-      replay.parked_rays += paths + shadows;
-    } else {
-      if (wave.unparked > 0) pages.unpark();
-      const ReplayPages::Read read = pages.sweep();
-      pages.rebalance();
-      replay.page_bytes += read.bytes(), replay.page_sweeps += read.bytes() > 0 ? 1 : 0;
-      replay.io_seconds += static_cast<double>(read.first_bytes) * costs.first +
-                           static_cast<double>(read.again_bytes) * costs.again;
-      replay.waiting_rays += paths + shadows + wave.unparked;
-    }
-    const uint64_t block_bytes = blocks.sweep(begun, going_on);
-    replay.attribute_bytes += block_bytes;
-    replay.io_seconds += static_cast<double>(block_bytes) * costs.again;
-    ++replay.wave_count;
-  }
-  replay.finer_than_log = replay.plan.wave_paths < log.facts.wave_paths;
-  replay.spill_bytes = static_cast<uint64_t>(spilled_bytes(log, replay.plan));
+  Replay replay = Replayer(log, std::move(samples), plan, costs).run();
+  replay.finer_than_log = plan.wave_paths < log.facts.wave_paths;
+  replay.spill_bytes = static_cast<uint64_t>(spilled_bytes(log, plan));
   replay.io_seconds += static_cast<double>(replay.spill_bytes) / rates.spill_bytes_per_second;
-  const AccessFacts& f = log.facts;
-  replay.compute_seconds =
-      std::max(0.0, f.seconds - f.log_seconds - f.page_wait_seconds - f.attribute_wait_seconds) +
-      replay.waiting_rays * rates.wait_seconds_per_ray;
+  replay.compute_seconds += computed_seconds(log, costs);
   replay.seconds = replay.compute_seconds + replay.io_seconds;
   return replay;
 }

@@ -2,9 +2,9 @@
 
 // The loop of the renderer with counts for rays: which paths of a frame make which wave, given a plan.
 //
-// Owns: groups of paths that began together. Order: serial. Based on: render_image.cpp, whose rules these are: waves are
-// topped up from open epochs, which close when their last path ends; rays that wait for pages are parked, and come back
-// when many are, when a wave was not full, or when nothing else is left.
+// Owns: groups of paths that began together. Order: serial. Based on: render_image.cpp, whose rules these are: waves
+// are topped up from open epochs, which close when their last path ends; rays that wait for pages are parked, and come
+// back when many are, when a wave was not full, or when nothing else is left.
 
 #include <array>
 #include <vector>
@@ -32,7 +32,7 @@ struct ReplayWave {
 struct PathRates {
   explicit PathRates(const AccessLog& log);
   double steps = 0, begun = 0;
-  double continuing = 0;          // of a wave's paths, those that go on
+  double continuing = 0;  // of a wave's paths, those that go on
   double shadows_a_later_path = 0;
 };
 

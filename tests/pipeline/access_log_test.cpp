@@ -2,8 +2,10 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cmath>
 #include <fstream>
+#include <set>
 
 #include "pipeline/render/render_image.h"
 #include "pipeline/render/replay_access.h"
@@ -24,7 +26,6 @@ class AccessLogTest : public testing::Test {
     o.settings = store_->settings();
     o.settings.render.samples_per_pixel = 16;
     o.plan = plan;
-    o.park_rays = o.page_tops = false;  // which a replay does not know
     o.access_log = log;
     o.scratch_directory = directory_.path();
     return o;
@@ -60,11 +61,44 @@ TEST_F(AccessLogTest, what_is_written_comes_back) {
     const WaveAccess &a = log.waves[w], &b = back->waves[w];
     EXPECT_EQ(a.facts.path_count, b.facts.path_count);
     EXPECT_TRUE(a.camera_pages == b.camera_pages && a.continued_pages == b.continued_pages &&
-                a.shadow_pages == b.shadow_pages && a.swept_pages == b.swept_pages && a.read_pages == b.read_pages &&
+                a.shadow_pages == b.shadow_pages && a.camera_boxes == b.camera_boxes &&
+                a.later_boxes == b.later_boxes && a.swept_pages == b.swept_pages && a.read_pages == b.read_pages &&
                 a.attribute_blocks == b.attribute_blocks && a.read_attribute_blocks == b.read_attribute_blocks);
     read += b.read_pages.size();
   }
   EXPECT_GT(read, store_->pages().size());
+  EXPECT_EQ(back->sample_bytes, log.sample_bytes);
+}
+
+// Of a small frame every ray is a sample.
+TEST_F(AccessLogTest, samples_are_of_all_rays_and_agree_with_the_lists) {
+  AccessLog log;
+  const RenderReport report = render({.wave_paths = 1000, .page_bytes = 200'000}, &log);
+  ASSERT_EQ(log.facts.sampled_of, 1u);
+  const auto samples = log.samples();
+  ASSERT_TRUE(samples);
+  uint64_t occluded = 0;
+  for (size_t w = 0; w < log.waves.size(); ++w) {
+    std::array<uint64_t, kRayKinds> counts = {};
+    std::array<std::set<uint32_t>, kRayKinds> pages;
+    for (const SampleRow& row : (*samples)[w].rows) {
+      const auto kind = static_cast<size_t>(row.kind);
+      const auto met = (*samples)[w].pages(row), stops = (*samples)[w].stops(row);
+      const bool is_occluded = row.kind == RayKind::shadow && !stops.empty();
+      counts[kind] += row.count;
+      if (is_occluded) {
+        EXPECT_TRUE(std::ranges::includes(met, stops));
+      } else {
+        pages[kind].insert(met.begin(), met.end());
+      }
+      if (is_occluded) occluded += row.count;
+    }
+    const WaveFacts& facts = log.waves[w].facts;
+    EXPECT_EQ(counts, (std::array{facts.generated_count, facts.path_count - facts.generated_count, facts.shadow_count}));
+    const std::array lists = {&log.waves[w].camera_pages, &log.waves[w].continued_pages, &log.waves[w].shadow_pages};
+    for (size_t kind = 0; kind < kRayKinds; ++kind) EXPECT_TRUE(std::ranges::equal(pages[kind], *lists[kind])) << w;
+  }
+  EXPECT_EQ(occluded, report.route.occluded_count);
 }
 
 // Of images and of face textures, when they fit, when they do not, and read ahead or not: the counters are the log's.
