@@ -31,6 +31,12 @@ class AccessLogTest : public testing::Test {
     return o;
   }
   RenderReport render(const PlanOptions& plan, AccessLog* log) { return render(options(plan, log)); }
+  // Of four times as many waves, so that one sweep more or less is few of them.
+  RenderReport render_long(const PlanOptions& plan, AccessLog* log) {
+    RenderOptions o = options(plan, log);
+    o.settings.render.samples_per_pixel = 64;
+    return render(o);
+  }
   RenderReport render(const RenderOptions& o) {
     const auto image = render_image(*store_, o);
     EXPECT_TRUE(image) << (image ? "" : image.error().message);
@@ -193,11 +199,11 @@ TEST_F(AccessLogTest, with_memory_for_all_each_page_that_is_needed_is_read_once)
 
 TEST_F(AccessLogTest, a_log_of_small_waves_foretells_what_other_budgets_and_waves_read) {
   AccessLog log;
-  render({.wave_paths = 500}, &log);
+  render_long({.wave_paths = 500}, &log);
   for (const uint64_t wave_paths : {500u, 2000u, 8000u})
     for (const uint64_t page_bytes : {150'000u, 400'000u}) {
       const PlanOptions plan{.wave_paths = wave_paths, .page_bytes = page_bytes};
-      const RenderReport report = render(plan, nullptr);
+      const RenderReport report = render_long(plan, nullptr);
       const auto replay = replay_access(log, plan);
       ASSERT_TRUE(replay);
       const double waves = static_cast<double>(report.waves.size());
