@@ -4,8 +4,8 @@
 // and bench/access_log.py recounts.
 //
 // Owns: the waves' lists. Threads: one at a time.
-// Memory: tag trace_log: four bytes an item of a list (in the file about one); some ten bytes a sampled ray, of which
-//         there are at most some millions (log_needs.h); of tiles see tile_log.h.
+// Memory: tag trace_log: four bytes an item of a list (in the file about one); some bytes a sampled ray, of which
+//         there are about log_needs.h's kMostSamples at most; of tiles see tile_log.h.
 // Fails: write() as files do; read() refuses a file that is damaged or of another version, with its name.
 // Format: a section file of kind SPWACCES: facts (AccessFacts), page_bytes and attribute_bytes (uint64 a part), waves
 //         (WaveFacts) and sets (bytes): for each wave its lists in the order of WaveAccess, each as its length and the
