@@ -22,8 +22,9 @@ namespace spillway::pipeline {
 
 class NeedsLog {
  public:
-  // Sampled rays of a frame, about; larger: a larger log. Of 37 M rays of a city one in eight took 6 MiB, one in two 31;
-  // with one in eight the pages that few rays need were missed: 0.63 of what was read within a tenth of the geometry, not 0.97.
+  // Sampled rays of a frame, about; larger: a larger log. Of a city's 14.7 M paths and their shadow rays one in eight took
+  // 6 MiB, one in two 31; with one in eight the pages that few rays need were missed: 0.63 of what was read within a
+  // tenth of the geometry, not 0.97.
   static constexpr uint64_t kMostSamples = 32 << 20;
   // One ray in so many, a power of two: by the frame alone.
   [[nodiscard]] static uint64_t sampled_of(const SceneFacts& facts);
