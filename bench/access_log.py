@@ -14,7 +14,7 @@ import json
 import struct
 import sys
 
-LISTS = ['camera', 'continued', 'shadow', 'attributes', 'swept', 'read', 'read_attributes']
+LISTS = ['camera', 'continued', 'shadow', 'camera_boxes', 'later_boxes', 'attributes', 'swept', 'read', 'read_attributes']
 WAVE = struct.Struct('<4Q7d')
 
 

@@ -37,6 +37,8 @@ nlohmann::json replay_json(uint64_t budget, const Replay& r) {
           {"wave_paths", r.plan.wave_paths},
           {"waves", r.wave_count},
           {"page_sweeps", r.page_sweeps},
+          {"parked_rays", r.parked_rays},
+          {"waiting_rays", r.waiting_rays},
           {"spills", r.plan.spills},
           {"page_bytes", r.page_bytes},
           {"attribute_bytes", r.attribute_bytes},
@@ -81,7 +83,7 @@ void add_whatif_command(CLI::App& app, int& exit_code) {
   command->add_option("log", arguments->log, "written by render --access-log")->required();
   add_parsed(*command, "--memory", arguments->budgets, parse_budgets, "budgets, such as 1GiB,2GiB,8GiB")->required();
   add_parsed(*command, "--read-rate", arguments->read_rate_bytes, parse_bytes,
-             "bytes a second that the disk reads, such as 2GiB [1e9]");
+             "bytes a second that the disk reads, such as 2GiB [as it did for the log]");
   command->add_flag("--json", arguments->json, "for machines");
   command->callback([arguments, &exit_code] {
     const Status status = whatif(*arguments);

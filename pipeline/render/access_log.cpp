@@ -13,11 +13,12 @@ constexpr const char* kKind = "SPWACCES";
 constexpr uint64_t kMostWaves = 1 << 24;
 
 using List = std::vector<uint32_t>;
-constexpr std::array<List WaveAccess::*, 7> kLists = {&WaveAccess::camera_pages,         &WaveAccess::continued_pages,
-                                                      &WaveAccess::shadow_pages,         &WaveAccess::attribute_blocks,
+constexpr std::array<List WaveAccess::*, 9> kLists = {&WaveAccess::camera_pages,         &WaveAccess::continued_pages,
+                                                      &WaveAccess::shadow_pages,         &WaveAccess::camera_boxes,
+                                                      &WaveAccess::later_boxes,          &WaveAccess::attribute_blocks,
                                                       &WaveAccess::swept_pages,          &WaveAccess::read_pages,
                                                       &WaveAccess::read_attribute_blocks};
-constexpr std::array<bool, 7> kOfAttributes = {false, false, false, true, false, false, true};
+constexpr std::array<bool, 9> kOfAttributes = {false, false, false, false, false, true, false, false, true};
 
 void put(std::vector<std::byte>& bytes, const List& list) {
   put_number(bytes, list.size());
@@ -51,6 +52,13 @@ void AccessLog::end_wave(const WaveFacts& wave_facts) {
   claims_.emplace_back(MemoryTag::trace_log, bytes);
 }
 
+Result<std::vector<WaveSamples>> AccessLog::samples() const {
+  std::vector<WaveSamples> all(waves.size());
+  if (!get_samples(sample_bytes, page_bytes.size(), all))
+    return error("what single rays need is damaged; make the log anew with --access-log");
+  return all;
+}
+
 Status AccessLog::write(const std::filesystem::path& path) {
   SPILLWAY_TRY(tiles.finish());
   std::vector<WaveFacts> rows;
@@ -65,6 +73,7 @@ Status AccessLog::write(const std::filesystem::path& path) {
   writer.add_view("attribute_bytes", std::as_bytes(std::span(attribute_bytes)));
   writer.add_view("waves", std::as_bytes(std::span(rows)));
   writer.add_view("sets", sets);
+  writer.add_view("samples", sample_bytes);
   tiles.add_to(writer);
   return writer.write(path);
 }
@@ -93,6 +102,9 @@ Result<AccessLog> AccessLog::read(const std::filesystem::path& path, const TileL
                    log.waves.size() - 1);
   }
   if (reader.at != reader.end) return error("{}: more follows the last wave; the file is damaged", path.string());
+  SPILLWAY_ASSIGN(const Buffer<std::byte> samples, file.load<std::byte>("samples", MemoryTag::trace_log));
+  log.sample_bytes.assign(samples.begin(), samples.end());
+  if (const auto decoded = log.samples(); !decoded) return error("{}: {}", path.string(), decoded.error().message);
   SPILLWAY_TRY(TileLog::visit(file, log.waves.size(), visit));
   return log;
 }

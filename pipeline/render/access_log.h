@@ -4,15 +4,16 @@
 // and bench/access_log.py recounts.
 //
 // Owns: the waves' lists. Threads: one at a time.
-// Memory: tag trace_log: four bytes an item of a list (in the file about one); of tiles see tile_log.h.
+// Memory: tag trace_log: four bytes an item of a list (in the file about one); some bytes a sampled ray, of which
+//         there are about log_needs.h's kMostSamples at most; of tiles see tile_log.h.
 // Fails: write() as files do; read() refuses a file that is damaged or of another version, with its name.
 // Format: a section file of kind SPWACCES: facts (AccessFacts), page_bytes and attribute_bytes (uint64 a part), waves
 //         (WaveFacts) and sets (bytes): for each wave its lists in the order of WaveAccess, each as its length and the
 //         differences of its ascending items, in LEB128 (ascending_list.h). Of textures: tile_bytes (uint32 a tile,
-//         what it takes in its file) and chunks of sets, see tile_log.h.
+//         what it takes in its file) and chunks of sets, see tile_log.h. Of single rays: samples, see ray_samples.h.
 //
-// What rays need (`*_pages`, attribute_blocks, the tiles touched) depends on the rays alone: the same lists for any
-// budget and the same waves. What was swept and read is this run's.
+// What rays need (`*_pages`, `*_boxes`, attribute_blocks, samples, the tiles touched) depends on the rays alone: the same
+// for any budget and the same waves. What was swept and read is this run's.
 
 #include <cstdint>
 #include <filesystem>
@@ -21,6 +22,7 @@
 #include "cache/base/memory.h"
 #include "cache/base/result.h"
 #include "pipeline/render/plan.h"
+#include "pipeline/render/ray_samples.h"
 #include "pipeline/render/tile_log.h"
 
 namespace spillway::pipeline {
@@ -33,8 +35,11 @@ struct WaveFacts {
 
 struct WaveAccess {
   WaveFacts facts;
-  // Needed: pages by rays from the camera, by paths that go on, by shadow rays that arrived.
+  // Needed: pages by rays from the camera, by paths that go on, by shadow rays that arrived. What occluded ones need
+  // depends on what is in memory: see samples.
   std::vector<uint32_t> camera_pages, continued_pages, shadow_pages;
+  // Whose box, if not their top, sampled rays met: needed too as long as the top is not known.
+  std::vector<uint32_t> camera_boxes, later_boxes;
   std::vector<uint32_t> attribute_blocks;
   // Visited by the sweep, resident or not, and read.
   std::vector<uint32_t> swept_pages, read_pages, read_attribute_blocks;
@@ -46,17 +51,28 @@ struct AccessFacts {
   uint64_t memory_bytes = 0;  // the budget of the run; 0: none
   uint64_t page_bytes_read = 0, attribute_bytes_read = 0;
   double seconds = 0;
+  double log_seconds = 0;          // of these, what logging took
+  double page_wait_seconds = 0, attribute_wait_seconds = 0;
+  uint64_t sampled_of = 1;         // one ray in so many is a sample
+  uint64_t probe_bytes = 0;        // of pages, read again before the first wave for nothing but
+  double probe_seconds = 0;        // the time that takes,
+  double probe_cpu_seconds = 0;    // and the processors' time
+  uint64_t threads = 1;
 };
 
 class AccessLog {
  public:
-  static constexpr uint32_t kVersion = 3;  // of the file
+  static constexpr uint32_t kVersion = 4;  // of the file
 
   AccessFacts facts;
   std::vector<uint64_t> page_bytes, attribute_bytes;
   std::vector<WaveAccess> waves;
+  std::vector<std::byte> sample_bytes;
+  bool is_over = false;  // visits of pages are no longer the render's
   TileLog tiles;  // open where the scene has textures
 
+  // What single rays need, of each wave; fails when they are damaged.
+  [[nodiscard]] Result<std::vector<WaveSamples>> samples() const;
   // The wave that is under way: the last one.
   WaveAccess& wave() { return waves.back(); }
   void begin_wave() { waves.emplace_back(); }

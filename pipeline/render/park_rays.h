@@ -6,8 +6,8 @@
 // Out: those rays, traced to their ends where they lie; later waves take them back with their hits, a portion each, in the
 //      order of the triangles they hit, so that shading reads attributes in the order of their file.
 // Not: in scenes with media, or whose shadow rays carry more than these columns; where waves are spilled; while an access
-//      log is written.
-// Memory: tags rays and paths, kParkedBytesPerRay for each of `limit` rays of each kind, at birth; while a sweep is on,
+//      log is written (which tells of each wave's own rays; replay_access parks them).
+// Memory: tags rays and paths, for each of `limit` rays of each kind, at birth; while a sweep is on,
 //         what trace_rays and sort_rays take besides.
 // Order: which wave a ray is in, and in which it is traced, shows nowhere.
 // Why: a wave in memory is a few hundred thousand paths at 640 bytes each, and a sweep reads most of the pages that are
@@ -31,6 +31,11 @@ struct ParkedBatch {
   std::span<cache::TraceHit> hits;
   std::span<RayCost> costs;  // none when nobody asks
 };
+
+// When, of `limit` rays of each kind that may be parked so many are, they are swept.
+[[nodiscard]] constexpr bool are_nearly_full(double paths, double shadows, double limit) {
+  return 8 * std::max(paths, shadows) > 7 * limit;
+}
 
 // Rays of one kind. Slots below end_ hold rays, but for those that were given back and not taken again since.
 template <class Record>
@@ -80,7 +85,10 @@ class ParkedRays {
   [[nodiscard]] bool empty() const { return paths_.size() + shadows_.size() == 0; }
   // Those that are to be given back first.
   [[nodiscard]] bool has_traced() const { return paths_.traced_count() + shadows_.traced_count() > 0; }
-  [[nodiscard]] bool is_nearly_full() const { return 8 * std::max(paths_.size(), shadows_.size()) > 7 * limit_; }
+  [[nodiscard]] bool is_nearly_full() const {
+    return are_nearly_full(static_cast<double>(paths_.size()), static_cast<double>(shadows_.size()),
+                           static_cast<double>(limit_));
+  }
   [[nodiscard]] bool any_of_half(uint32_t half) const { return paths_.of_half()[half] + shadows_.of_half()[half] > 0; }
   [[nodiscard]] ParkedColumn<PathRecord>& paths() { return paths_; }
   [[nodiscard]] ParkedColumn<ShadowRecord>& shadows() { return shadows_; }

@@ -197,6 +197,7 @@ class RenderLoop {
     hits.clear();
     sort_wave(wave, report);
     SPILLWAY_TRY(trace_wave(wave, report));
+    log_wave(wave, report);
     if (report_.has_media) SPILLWAY_TRY(track_wave(wave, report));
     if (parked_count_ > 0) {
       SPILLWAY_TRY(parked_.paths().park(wave.paths, path_hits_, path_costs_));
@@ -270,10 +271,6 @@ class RenderLoop {
     TraceRaysOptions options = trace_options();
     options.park_paths = parked_.paths().room(), options.park_shadows = parked_.shadows().room();
     options.park_pairs = state_.plan.park_pairs;
-    if (AccessLog* log = state_.options.access_log) {
-      options.access = &log->wave();
-      options.camera_rays_from = paths.size() - report.generated_count;  // they were added last
-    }
     const auto of_new = [](auto& results, size_t count) { return std::span(results).first(std::min(count, results.size())); };
     const std::span<RayCost> path_costs = of_new(path_costs_, paths.size()), shadow_costs = of_new(shadow_costs_, shadows.size());
     std::fill(path_costs.begin(), path_costs.end(), RayCost{});
@@ -319,6 +316,14 @@ class RenderLoop {
         state_.costs.get()));
     if (state_.plan.spills) order_ = {}, path_hits_ = {}, shadow_hits_ = {};
     return {};
+  }
+
+  // Path rays from the camera were added last.
+  void log_wave(const Wave& wave, const WaveReport& report) {
+    if (!state_.needs) return;
+    const StageTimer timer("log_needs", report_.log_seconds);
+    state_.needs->log_wave(*state_.pages, {wave.paths.hot, wave.shadows.hot, path_hits_, shadow_hits_, order_},
+                           wave.paths.hot.size() - report.generated_count);
   }
 
   void begin_log() {
@@ -452,7 +457,7 @@ Result<RenderedImage> RenderSession::render(const shading::Camera& camera, uint3
   const Status rendered = RenderLoop(state, image.report).run();
   if (state.textures) state.textures->note_first_users({});
   if (rendered) fill_report(state, before, image.report);
-  if (rendered && state.options.access_log) fill_log(state, image.report);
+  if (rendered && state.options.access_log) SPILLWAY_TRY(fill_log(state, image.report));
   image.film = std::move(state.film), image.costs = std::move(state.costs);
   SPILLWAY_TRY(rendered);
   return image;

@@ -61,6 +61,7 @@ struct RenderReport {
   double error_asked = 0;              // 0: none
   std::optional<ErrorEstimate> error;  // of the picture; none when a half has no samples
   double seconds = 0, generate_seconds = 0;
+  double log_seconds = 0;  // of these, what an access log took
   std::vector<WaveReport> waves;
   uint64_t sorted_count = 0;  // rays that sort_rays ordered
   TraceRaysReport trace;

@@ -9,6 +9,8 @@
 namespace spillway::pipeline {
 namespace {
 
+constexpr uint64_t kProbePages = 16;  // in memory while the tops of all are read: reads are as far ahead as in sweeps
+
 std::vector<cache::Part> page_parts(const Store& store) {
   std::vector<cache::Part> parts;
   for (const cache::PageLocation& page : store.pages()) parts.push_back({page.offset_bytes, page.size_bytes});
@@ -26,7 +28,7 @@ std::function<void(uint32_t, bool)> access_log(const RenderState& state, bool of
   AccessLog* const log = state.options.access_log;
   if (log == nullptr) return {};
   return [log, of_pages](uint32_t part, bool read) {
-    if (log->waves.empty()) return;
+    if (log->waves.empty() || log->is_over) return;
     WaveAccess& wave = log->wave();
     if (of_pages) wave.swept_pages.push_back(part);
     if (read) (of_pages ? wave.read_pages : wave.read_attribute_blocks).push_back(part);
@@ -41,10 +43,24 @@ cache::PartStore::Options part_options(const RenderState& state, MemoryTag tag, 
           .access_log = access_log(state, tag == MemoryTag::pages)};
 }
 
-// Of each page; none when all fit, or pages are small.
+// Of each page; none when pages are small.
 uint32_t top_nodes(const RenderState& state) {
-  if (state.plan.pages_fit || state.store.pages().empty() || !state.options.page_tops) return 0;
+  if (state.store.pages().empty()) return 0;
   return static_cast<uint32_t>(state.plan.page_top_bytes / state.store.pages().size() / sizeof(cache::TraceNode));
+}
+
+// The tops of all pages, for any budget, read through some pages of memory.
+Status open_needs(RenderState& state) {
+  if (state.options.access_log == nullptr) return {};
+  const Store& store = state.store;
+  const std::vector<cache::Part> parts = page_parts(store);
+  cache::PartStore::Options options{.tag = MemoryTag::trace_log, .purpose = cache::IoPurpose::pages,
+                                    .memory_limit_bytes = kProbePages * cache::PartStore::smallest_limit_bytes(parts),
+                                    .read_ahead_bytes = state.plan.read_ahead_bytes, .direct = state.options.direct_io};
+  SPILLWAY_ASSIGN(const auto pages, cache::PartStore::open(store.trace_pages_path(), parts, options, cache::validate_trace_page));
+  state.needs = std::make_unique<NeedsLog>(store.page_tree(), *state.options.access_log,
+                                           NeedsLog::sampled_of(state.options.access_log->facts.scene));
+  return state.needs->read_tops(*pages, top_nodes(state));
 }
 
 Status open_geometry(RenderState& state) {
@@ -54,7 +70,9 @@ Status open_geometry(RenderState& state) {
                                          part_options(state, MemoryTag::pages, cache::IoPurpose::pages,
                                                       state.plan.page_bytes),
                                          cache::validate_trace_page));
-  state.pages = std::make_unique<PageViews>(*state.page_parts, top_nodes(state));
+  state.pages = std::make_unique<PageViews>(
+      *state.page_parts, state.plan.pages_fit || !state.options.page_tops ? 0 : top_nodes(state));
+  SPILLWAY_TRY(open_needs(state));
   SPILLWAY_ASSIGN(auto attributes,
                   cache::PartStore::open(store.attributes_path(), attribute_parts(store),
                                          part_options(state, MemoryTag::attributes, cache::IoPurpose::attributes,
@@ -142,7 +160,12 @@ Status open_render_state(RenderState& state) {
   plan_options.floor_bytes = memory_floor_bytes();
   // A log speaks for any budget: its waves must not depend on what is in memory.
   plan_options.parks = options.park_rays && options.access_log == nullptr;
-  SPILLWAY_ASSIGN(state.plan, plan_render(scene_facts(state.store, options), plan_options));
+  const SceneFacts facts = scene_facts(state.store, options);
+  SPILLWAY_ASSIGN(state.plan, plan_render(facts, plan_options));
+  if (AccessLog* const log = options.access_log) {
+    log->facts.scene = facts;
+    log->facts.scene.table_bytes -= memory_use(MemoryTag::trace_log).current_bytes;  // of this run
+  }
   if (options.hit_sort_bytes != 0) state.plan.hit_bytes = options.hit_sort_bytes;
   SPILLWAY_TRY(open_scratch(state));
   SPILLWAY_TRY(open_geometry(state));
@@ -241,17 +264,19 @@ void fill_costs(const RenderState& state, RenderReport& report) {
 
 }  // namespace
 
-void fill_log(const RenderState& state, const RenderReport& report) {
+Status fill_log(const RenderState& state, const RenderReport& report) {
   AccessLog& log = *state.options.access_log;
-  log.facts.scene = scene_facts(state.store, state.options);
-  log.facts.scene.table_bytes -= memory_use(MemoryTag::trace_log).current_bytes;  // of the log itself
+  log.is_over = true;
+  SPILLWAY_TRY(state.needs->find_occluders(*state.page_parts));
   log.facts.wave_paths = state.plan.wave_paths;
   log.facts.memory_bytes = state.options.plan.memory_bytes;
   log.facts.page_bytes_read = report.pages.bytes_read, log.facts.attribute_bytes_read = report.attributes.bytes_read;
-  log.facts.seconds = report.seconds;
+  log.facts.seconds = report.seconds, log.facts.log_seconds = report.log_seconds;
+  log.facts.page_wait_seconds = report.pages.wait_seconds, log.facts.attribute_wait_seconds = report.attributes.wait_seconds;
   log.page_bytes.clear(), log.attribute_bytes.clear();
   for (const cache::PageLocation& page : state.store.pages()) log.page_bytes.push_back(page.size_bytes);
   for (const AttributeLocation& block : state.store.attributes()) log.attribute_bytes.push_back(block.size_bytes);
+  return {};
 }
 
 void fill_report(const RenderState& state, const CountersBefore& before, RenderReport& report) {

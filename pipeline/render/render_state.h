@@ -15,6 +15,7 @@
 #include "pipeline/evaluate_texture.h"
 #include "pipeline/render/attribute_store.h"
 #include "pipeline/render/film.h"
+#include "pipeline/render/log_needs.h"
 #include "pipeline/render/plan.h"
 #include "pipeline/render/render_image.h"
 #include "pipeline/render/render_report.h"
@@ -37,6 +38,7 @@ struct RenderState {
   std::unique_ptr<cache::PartStore> page_parts;
   std::unique_ptr<PageViews> pages;
   std::unique_ptr<AttributeStore> attributes;
+  std::unique_ptr<NeedsLog> needs;  // null: no access log
   std::unique_ptr<cache::TextureCache> textures;
   SelectedTextures texture_nodes;
   std::unique_ptr<TextureEvaluator> evaluator;
@@ -67,8 +69,8 @@ struct CountersBefore {
   static std::array<cache::IoUse, cache::kIoPurposeCount> io();
 };
 
-// Facts of the run, when its waves are in the log.
-void fill_log(const RenderState& state, const RenderReport& report);
+// Facts of the run, when its waves are in the log; and what is found out after the last wave. Fails as pages do.
+Status fill_log(const RenderState& state, const RenderReport& report);
 // The counters at the end of the frame.
 void fill_report(const RenderState& state, const CountersBefore& before, RenderReport& report);
 

@@ -6,134 +6,25 @@
 
 #include "cache/residency.h"
 #include "pipeline/records.h"
-#include "pipeline/render/epochs.h"
+#include "pipeline/render/replay_waves.h"
 
 namespace spillway::pipeline {
 namespace {
 
-constexpr double kMostWaves = 1 << 22;  // 2^38 paths in small waves: more is no frame
+constexpr double kMostWaves = 1 << 22;             // 2^38 paths in small waves: more is no frame
+constexpr double kUnprobedBytesPerSecond = 2.8e9;  // as the planner's
 
 using List = std::vector<uint32_t>;
+using Set = std::vector<bool>;
 
-// Camera paths [first, last) in the order in which they begin.
-struct PathRange {
-  double first = 0, last = 0;
-};
-
-// A wave of the plan.
-struct PlannedWave {
-  double paths = 0;
-  PathRange begun;
-  std::vector<PathRange> going_on;  // those of before that are still on their way
-};
-
-// What is known of the log as a whole.
-struct LogTotals {
-  double steps = 0, begun = 0, rays = 0;
-  double other_seconds = 0, trace_seconds = 0, shade_seconds = 0;
-  double continuing = 0;  // of a wave's paths, those that go on
-};
-
-// The share c of paths that go on at each of max_depth bounces when a path has so many vertices: 1 + c + ... +
-// c^max_depth.
-double continuing(double vertices, uint32_t max_depth) {
-  double low = 0, high = 1;
-  for (int i = 0; i < 50; ++i) {
-    const double c = 0.5 * (low + high);
-    double sum = 1, term = 1;
-    for (uint32_t d = 0; d < max_depth; ++d) sum += term *= c;
-    (sum < vertices ? low : high) = c;
-  }
-  return low;
+void add(const List& items, Set& to) {
+  for (const uint32_t item : items) to[item] = true;
 }
 
-LogTotals totals(const AccessLog& log) {
-  LogTotals t;
-  for (const WaveAccess& w : log.waves) {
-    const WaveFacts& f = w.facts;
-    t.steps += static_cast<double>(f.path_count), t.begun += static_cast<double>(f.generated_count);
-    t.rays += static_cast<double>(f.path_count + f.shadow_count);
-    t.other_seconds += f.generate_seconds + f.sort_seconds + f.route_seconds;
-    t.trace_seconds += std::max(0.0, f.trace_seconds - f.page_wait_seconds);
-    t.shade_seconds += std::max(0.0, f.shade_seconds - f.attribute_wait_seconds);
-  }
-  t.continuing = continuing(t.begun > 0 ? t.steps / t.begun : 1, log.facts.scene.max_depth);
-  return t;
-}
-
-// Paths that began together.
-struct PathGroup {
-  PathRange range;
-  double live = 0;
-  uint32_t age = 0;  // waves
-  uint32_t half = 0;
-};
-
-// The loop of the renderer with counts for rays: topped up from open epochs, which close when their last path ends.
-class WavePlanner {
+// Waves of the log by the paths that began in them.
+class LogRanges {
  public:
-  WavePlanner(const AccessLog& log, const LogTotals& t, const Plan& plan)
-      : t_(t),
-        wave_paths_(static_cast<double>(plan.wave_paths)),
-        pixels_(static_cast<double>(log.facts.scene.pixel_count)),
-        max_depth_(log.facts.scene.max_depth),
-        schedule_({log.facts.scene.samples_per_pixel, plan.epoch_samples, plan.first_epoch_samples}) {}
-
-  std::vector<PlannedWave> run() {
-    std::vector<PlannedWave> waves;
-    while (true) {
-      PlannedWave wave;
-      // The log's lists of what goes on hold all ages at once: those of the youngest stand for the older ones.
-      const auto youngest = std::ranges::min_element(groups_, {}, &PathGroup::age);
-      for (const PathGroup& group : groups_) {
-        wave.paths += group.live;
-        if (group.age == youngest->age) wave.going_on.push_back(group.range);
-      }
-      top_up(wave);
-      if (wave.paths < 0.5) return waves;
-      waves.push_back(std::move(wave));
-      advance();
-    }
-  }
-
- private:
-  void top_up(PlannedWave& wave) {
-    wave.begun = {begun_, begun_};
-    while (wave_paths_ - wave.paths >= 0.5) {
-      if (left_ < 0.5) {
-        const auto epoch = schedule_.open_next();
-        if (!epoch) break;
-        left_ = epoch->sample_count * pixels_, half_ = epoch->half;
-      }
-      const double fresh = std::min(wave_paths_ - wave.paths, left_);
-      groups_.push_back({{begun_, begun_ + fresh}, fresh, 0, half_});
-      begun_ += fresh, left_ -= fresh, wave.paths += fresh;
-    }
-    wave.begun.last = begun_;
-  }
-
-  void advance() {
-    for (PathGroup& group : groups_) group.live *= t_.continuing, ++group.age;
-    std::erase_if(groups_, [&](const PathGroup& group) { return group.age > max_depth_ || group.live < 0.5; });
-    for (const uint32_t half : {0u, 1u}) {
-      const bool under_way = std::ranges::any_of(groups_, [&](const PathGroup& group) { return group.half == half; });
-      if (schedule_.is_open(half) && !under_way && (left_ < 0.5 || half_ != half)) schedule_.close(half);
-    }
-  }
-
-  const LogTotals& t_;
-  const double wave_paths_, pixels_;
-  const uint32_t max_depth_;
-  EpochSchedule schedule_;
-  std::vector<PathGroup> groups_;
-  double begun_ = 0, left_ = 0;  // of the epoch whose paths begin
-  uint32_t half_ = 0;
-};
-
-// Unions of lists of the log over ranges of paths.
-class LogSets {
- public:
-  explicit LogSets(const AccessLog& log) : log_(log) {
+  explicit LogRanges(const AccessLog& log) {
     double end = 0;
     for (const WaveAccess& w : log.waves) {
       begins_.push_back(end);
@@ -142,18 +33,26 @@ class LogSets {
     begins_.push_back(end);
   }
 
-  // Waves count whose middle lies in the range, so that neighbouring ranges share none; or the one around its middle.
-  void add(PathRange range, List WaveAccess::*list, std::vector<bool>& to) const {
-    if (range.last <= range.first) return;
-    const size_t first = wave_at(range.first);
-    bool any = false;
-    for (size_t wave = first; wave < log_.waves.size() && begins_[wave] <= range.last; ++wave) {
+  // Those whose middle lies in the range, so that neighbouring ranges share none; or the one around its middle.
+  [[nodiscard]] List waves_of(PathRange range) const {
+    List waves;
+    if (range.last <= range.first) return waves;
+    for (size_t wave = wave_at(range.first); wave + 1 < begins_.size() && begins_[wave] <= range.last; ++wave) {
       const double middle = 0.5 * (begins_[wave] + begins_[wave + 1]);
-      if (middle < range.first || middle > range.last) continue;
-      add_wave(wave, list, to);
-      any = true;
+      if (middle >= range.first && middle <= range.last) waves.push_back(static_cast<uint32_t>(wave));
     }
-    if (!any) add_wave(wave_at(0.5 * (range.first + range.last)), list, to);
+    if (waves.empty()) waves.push_back(static_cast<uint32_t>(wave_at(0.5 * (range.first + range.last))));
+    return waves;
+  }
+  // Those in which such paths went on: the next ones.
+  [[nodiscard]] List waves_after(const std::vector<PathRange>& ranges) const {
+    List all;
+    const auto last = static_cast<uint32_t>(begins_.size() - 2);
+    for (const PathRange& range : ranges)
+      for (const uint32_t wave : waves_of(range)) all.push_back(std::min(wave + 1, last));
+    std::ranges::sort(all);
+    all.erase(std::unique(all.begin(), all.end()), all.end());
+    return all;
   }
 
  private:
@@ -161,106 +60,263 @@ class LogSets {
     const auto after = std::upper_bound(begins_.begin(), begins_.end() - 1, path);
     return after == begins_.begin() ? 0 : static_cast<size_t>(after - begins_.begin()) - 1;
   }
-  void add_wave(size_t wave, List WaveAccess::*list, std::vector<bool>& to) const {
-    for (const uint32_t item : log_.waves[wave].*list) to[item] = true;
-  }
-
-  const AccessLog& log_;
   std::vector<double> begins_;  // of each wave's paths, and the end
 };
 
-struct Needs {
-  std::vector<bool> pages, blocks;
+struct ReplayRead {
+  uint64_t first_bytes = 0, again_bytes = 0;
+  [[nodiscard]] uint64_t bytes() const { return first_bytes + again_bytes; }
 };
 
-Needs needs_of(const AccessLog& log, const LogSets& sets, const PlannedWave& wave) {
-  Needs n{std::vector<bool>(log.page_bytes.size()), std::vector<bool>(log.attribute_bytes.size())};
-  sets.add(wave.begun, &WaveAccess::camera_pages, n.pages);
-  sets.add(wave.begun, &WaveAccess::attribute_blocks, n.blocks);
-  for (const PathRange& range : wave.going_on) {
-    sets.add(range, &WaveAccess::continued_pages, n.pages);
-    sets.add(range, &WaveAccess::shadow_pages, n.pages);
-    sets.add(range, &WaveAccess::attribute_blocks, n.blocks);
+// Of a kind of rays of a wave: how many were sampled, and how many of these wait.
+struct Waiting {
+  double all = 0, waiting = 0;
+  [[nodiscard]] double share() const { return all > 0 ? waiting / all : 0; }
+};
+
+// Pages of a replay: which are in memory, of which the top is known, what parked rays wait for.
+class ReplayPages {
+ public:
+  ReplayPages(const AccessLog& log, std::vector<WaveSamples> samples, const Plan& plan)
+      : log_(log),
+        samples_(std::move(samples)),
+        residency_(log.page_bytes, plan.page_bytes, plan.read_ahead_bytes),
+        known_(log.page_bytes.size()),
+        parked_(log.page_bytes.size()),
+        was_read_(log.page_bytes.size()) {}
+
+  // What the wave needs that is not in memory, and which shares of its rays wait.
+  void begin(const List& begun, const List& going_on) {
+    due_.assign(known_.size(), false);
+    waiting_ = {};
+    Set tops(known_.size()), boxes(known_.size());
+    for (const uint32_t w : begun) add(log_.waves[w].camera_pages, tops), add(log_.waves[w].camera_boxes, boxes);
+    for (const uint32_t w : going_on) {
+      add(log_.waves[w].continued_pages, tops), add(log_.waves[w].shadow_pages, tops);
+      add(log_.waves[w].later_boxes, boxes);
+    }
+    for (uint32_t page = 0; page < known_.size(); ++page) {
+      if (tops[page] && residency_.is_resident(page)) residency_.ask(page);
+      due_[page] = (tops[page] || (boxes[page] && !known_[page])) && !residency_.is_resident(page);
+    }
+    for (const uint32_t w : begun) add_samples(samples_[w], true);
+    for (const uint32_t w : going_on) add_samples(samples_[w], false);
   }
-  return n;
-}
+  [[nodiscard]] const Waiting& waiting(RayKind kind) const { return waiting_[static_cast<size_t>(kind)]; }
+  [[nodiscard]] bool any_due() const { return std::ranges::find(due_, true) != due_.end(); }
 
-// One sweep over what is needed and not resident. Returns the bytes read.
-uint64_t sweep(cache::Residency& residency, const std::vector<uint64_t>& bytes, const std::vector<bool>& needed) {
-  uint64_t read = 0;
-  for (uint32_t part = 0; part < bytes.size(); ++part) {
-    if (!needed[part]) continue;
-    residency.ask(part);
-    if (residency.is_resident(part)) continue;
-    read += bytes[part];
-    if (residency.take_room(part)) residency.set_resident(part);
+  void park() {
+    for (uint32_t page = 0; page < due_.size(); ++page)
+      if (due_[page]) parked_[page] = true;
   }
-  residency.rebalance([](uint32_t) {});
-  return read;
+  void unpark() {
+    for (uint32_t page = 0; page < due_.size(); ++page) {
+      if (parked_[page] && !residency_.is_resident(page)) due_[page] = true;
+      if (parked_[page] && residency_.is_resident(page)) residency_.ask(page);
+    }
+    parked_.assign(parked_.size(), false);
+  }
+
+  // One sweep over what is due.
+  ReplayRead sweep() {
+    ReplayRead read;
+    for (uint32_t page = 0; page < due_.size(); ++page) {
+      if (!due_[page]) continue;
+      residency_.ask(page);
+      (was_read_[page] ? read.again_bytes : read.first_bytes) += log_.page_bytes[page];
+      was_read_[page] = true;
+      known_[page] = !residency_.fits();
+      if (residency_.take_room(page)) residency_.set_resident(page);
+    }
+    return read;
+  }
+  void rebalance() {
+    residency_.rebalance([](uint32_t) {});
+  }
+
+ private:
+  // Occluded rays are not in the lists: what they need depends on what is in memory.
+  void add_samples(const WaveSamples& samples, bool of_camera) {
+    const auto is_resident = [&](uint32_t page) { return residency_.is_resident(page); };
+    for (const SampleRow& row : samples.rows) {
+      if ((row.kind == RayKind::camera) != of_camera) continue;
+      Waiting& w = waiting_[static_cast<size_t>(row.kind)];
+      w.all += row.count;
+      const auto pages = samples.pages(row), stops = samples.stops(row);
+      const auto stop = std::ranges::find_if(stops, is_resident);
+      if (row.kind == RayKind::shadow && stop != stops.end()) {
+        residency_.ask(*stop);
+        continue;
+      }
+      if (std::ranges::all_of(pages, is_resident)) continue;
+      w.waiting += row.count;
+      if (row.kind == RayKind::shadow && !stops.empty()) add_due(pages);
+      // Where a page before the hit is in memory the hit may be in that one: what is said of it is a guess.
+      if (row.kind != RayKind::shadow && std::ranges::none_of(pages, is_resident)) add_due({stops.begin(), stop});
+    }
+  }
+
+  void add_due(std::span<const uint32_t> pages) {
+    for (const uint32_t page : pages)
+      if (!residency_.is_resident(page)) due_[page] = true;
+  }
+
+  const AccessLog& log_;
+  const std::vector<WaveSamples> samples_;
+  cache::Residency residency_;
+  Set known_, parked_, was_read_, due_;
+  std::array<Waiting, kRayKinds> waiting_;
+};
+
+// Attribute blocks: one sweep a wave.
+class ReplayBlocks {
+ public:
+  ReplayBlocks(const AccessLog& log, const Plan& plan)
+      : log_(log),
+        residency_(log.attribute_bytes, plan.attribute_bytes, plan.read_ahead_bytes),
+        was_read_(log.attribute_bytes.size()) {}
+
+  ReplayRead sweep(const List& begun, const List& going_on) {
+    Set needed(log_.attribute_bytes.size());
+    for (const uint32_t w : begun) add(log_.waves[w].attribute_blocks, needed);
+    for (const uint32_t w : going_on) add(log_.waves[w].attribute_blocks, needed);
+    ReplayRead read;
+    for (uint32_t block = 0; block < needed.size(); ++block) {
+      if (!needed[block]) continue;
+      residency_.ask(block);
+      if (residency_.is_resident(block)) continue;
+      (was_read_[block] ? read.again_bytes : read.first_bytes) += log_.attribute_bytes[block];
+      was_read_[block] = true;
+      if (residency_.take_room(block)) residency_.set_resident(block);
+    }
+    residency_.rebalance([](uint32_t) {});
+    return read;
+  }
+
+ private:
+  const AccessLog& log_;
+  cache::Residency residency_;
+  Set was_read_;
+};
+
+// Seconds that reading a byte makes a render wait.
+struct ReadCosts {
+  double first = 0, again = 0;
+  double compute = 0;  // what it takes of the tracing threads, who share the processors with those that read
+};
+
+uint64_t unique_bytes(const AccessLog& log) {
+  uint64_t unique = 0;
+  Set seen(log.page_bytes.size());
+  for (const WaveAccess& w : log.waves)
+    for (const uint32_t page : w.read_pages) unique += seen[page] ? 0 : log.page_bytes[page], seen[page] = true;
+  return unique;
 }
 
-uint64_t bytes_of(const std::vector<uint64_t>& bytes, const std::vector<bool>& set) {
-  uint64_t sum = 0;
-  for (size_t i = 0; i < bytes.size(); ++i)
-    if (set[i]) sum += bytes[i];
-  return sum;
+// A page that was read before is known by its checksum, which the log's probe measured; of those that are new the log's
+// own waits tell, when it read no others.
+ReadCosts read_costs(const AccessLog& log, const ReplayRates& rates) {
+  const AccessFacts& f = log.facts;
+  ReadCosts costs;
+  costs.again = f.probe_bytes > 0 ? f.probe_seconds / static_cast<double>(f.probe_bytes) : 1 / kUnprobedBytesPerSecond;
+  costs.first = costs.again;
+  if (f.probe_bytes > 0 && f.threads > 0)
+    costs.compute = f.probe_cpu_seconds / static_cast<double>(f.threads) / static_cast<double>(f.probe_bytes);
+  const uint64_t unique = unique_bytes(log);
+  if (unique > 0 && unique == f.page_bytes_read) costs.first = f.page_wait_seconds / static_cast<double>(unique);
+  if (rates.disk_bytes_per_second > 0) costs.first = costs.again = 1 / rates.disk_bytes_per_second;
+  return costs;
 }
 
-// Computing and reading overlap inside the tracing of what is swept, and inside shading.
-void add_times(const LogTotals& t, const PlannedWave& wave, double swept_share, uint64_t page_bytes,
-               uint64_t block_bytes, const ReplayRates& rates, Replay& replay) {
-  const bool is_large = replay.plan.wave_paths > kInCoreWavePaths;
-  const double share = t.steps > 0 ? wave.paths / t.steps : 0, rays = t.rays * share;
-  const double other = t.other_seconds * share + (is_large ? wave.paths * rates.large_wave_seconds_per_step : 0);
-  const double trace = t.trace_seconds * share, shade = t.shade_seconds * share;
-  const double swept = swept_share * (trace + rays * rates.wait_seconds_per_ray) +
-                       static_cast<double>(page_bytes) / rates.check_bytes_per_second;
-  const double page_io = static_cast<double>(page_bytes) / rates.disk_bytes_per_second;
-  const double block_io = static_cast<double>(block_bytes) / rates.disk_bytes_per_second;
-  replay.compute_seconds += other + (1 - swept_share) * trace + swept + shade;
-  replay.io_seconds += page_io + block_io;
-  replay.seconds += other + (1 - swept_share) * trace + std::max(swept, page_io) + std::max(shade, block_io);
+double spilled_bytes(const AccessLog& log, const Plan& plan) {
+  // What the planner takes a step to spill, for the steps that there were.
+  if (!plan.spills) return 0;
+  return static_cast<double>(plan.predicted_spill_bytes) / std::max(1.0, plan.predicted_steps) * PathRates(log).steps;
+}
+
+Status check(const AccessLog& log, const Plan& plan) {
+  const SceneFacts& scene = log.facts.scene;
+  if (scene.max_depth > kMostBounces) return error("the log is of {} bounces: it is damaged", scene.max_depth);
+  const double wave_count =
+      static_cast<double>(scene.pixel_count) * scene.samples_per_pixel / static_cast<double>(plan.wave_paths);
+  if (!(wave_count < kMostWaves)) return error("the log is of a frame of {:.0f} waves: it is damaged", wave_count);
+  return {};
+}
+
+// Goes through the waves of a plan.
+class Replayer {
+ public:
+  Replayer(const AccessLog& log, std::vector<WaveSamples> samples, const Plan& plan, const ReadCosts& costs)
+      : ranges_(log), costs_(costs), pages_(log, std::move(samples), plan), blocks_(log, plan), waves_(log, plan) {
+    replay_.plan = plan;
+  }
+
+  Replay run() {
+    for (ReplayWave wave; waves_.next(wave); waves_.advance()) {
+      const List begun = ranges_.waves_of(wave.begun), going_on = ranges_.waves_after(wave.going_on);
+      trace(wave, begun, going_on);
+      const ReplayRead read = blocks_.sweep(begun, going_on);
+      replay_.attribute_bytes += read.bytes();
+      // Blocks are not gone through when they are new, as pages are.
+      replay_.io_seconds += static_cast<double>(read.bytes()) * costs_.again;
+      replay_.compute_seconds += static_cast<double>(read.again_bytes) * costs_.compute;
+      ++replay_.wave_count;
+    }
+    return replay_;
+  }
+
+ private:
+  void trace(const ReplayWave& wave, const List& begun, const List& going_on) {
+    pages_.begin(begun, going_on);
+    const double camera = pages_.waiting(RayKind::camera).share(), later = pages_.waiting(RayKind::continued).share();
+    const double shadow = pages_.waiting(RayKind::shadow).share();
+    const double paths = wave.camera_paths * camera + wave.later_paths * later, shadows = wave.shadows * shadow;
+    if (pages_.any_due() && waves_.may_park(wave, paths, shadows)) {
+      pages_.park();
+      waves_.park(wave, camera, later, shadow);
+      replay_.parked_rays += paths + shadows;
+      return;
+    }
+    if (wave.unparked > 0) pages_.unpark();
+    const ReplayRead read = pages_.sweep();
+    pages_.rebalance();
+    replay_.page_bytes += read.bytes(), replay_.page_sweeps += read.bytes() > 0 ? 1 : 0;
+    replay_.waiting_rays += paths + shadows + wave.unparked;
+    const auto first = static_cast<double>(read.first_bytes), again = static_cast<double>(read.again_bytes);
+    replay_.io_seconds += first * costs_.first + again * costs_.again;
+    replay_.compute_seconds += again * costs_.compute;
+  }
+
+  const LogRanges ranges_;
+  const ReadCosts costs_;
+  ReplayPages pages_;
+  ReplayBlocks blocks_;
+  ReplayWaves waves_;
+  Replay replay_;
+};
+
+// What the logged run computed, logging and what it read again itself left out.
+double computed_seconds(const AccessLog& log, const ReadCosts& costs) {
+  const AccessFacts& f = log.facts;
+  const uint64_t unique = unique_bytes(log), again = f.page_bytes_read > unique ? f.page_bytes_read - unique : 0;
+  const double seconds = f.seconds - f.log_seconds - f.page_wait_seconds - f.attribute_wait_seconds;
+  return std::max(0.0, seconds - static_cast<double>(again) * costs.compute);
 }
 
 }  // namespace
 
 Result<Replay> replay_access(const AccessLog& log, PlanOptions options, const ReplayRates& rates) {
   if (log.waves.empty()) return error("the log has no waves");
-  Replay replay;
-  SPILLWAY_ASSIGN(replay.plan, plan_render(log.facts.scene, options));
-  if (log.facts.scene.max_depth > kMostBounces) return error("the log is of {} bounces: it is damaged", log.facts.scene.max_depth);
-  const double wave_count = static_cast<double>(log.facts.scene.pixel_count) * log.facts.scene.samples_per_pixel /
-                            static_cast<double>(replay.plan.wave_paths);
-  if (!(wave_count < kMostWaves)) return error("the log is of a frame of {:.0f} waves: it is damaged", wave_count);
-  const LogTotals t = totals(log);
-  const LogSets sets(log);
-  cache::Residency pages(log.page_bytes, replay.plan.page_bytes, replay.plan.read_ahead_bytes);
-  cache::Residency blocks(log.attribute_bytes, replay.plan.attribute_bytes, replay.plan.read_ahead_bytes);
-  const std::vector<PlannedWave> waves = WavePlanner(log, t, replay.plan).run();
-  for (const PlannedWave& wave : waves) {
-    const Needs needs = needs_of(log, sets, wave);
-    uint64_t swept_bytes = 0;
-    for (uint32_t p = 0; p < needs.pages.size(); ++p)
-      if (needs.pages[p] && !pages.is_resident(p)) swept_bytes += log.page_bytes[p];
-    const uint64_t needed_bytes = bytes_of(log.page_bytes, needs.pages);
-    const uint64_t page_bytes = sweep(pages, log.page_bytes, needs.pages);
-    const uint64_t block_bytes = sweep(blocks, log.attribute_bytes, needs.blocks);
-    replay.page_bytes += page_bytes, replay.attribute_bytes += block_bytes;
-    replay.page_sweeps += page_bytes > 0 ? 1 : 0;
-    const double swept_share =
-        needed_bytes > 0 ? static_cast<double>(swept_bytes) / static_cast<double>(needed_bytes) : 0;
-    add_times(t, wave, swept_share, page_bytes, block_bytes, rates, replay);
-  }
-  replay.wave_count = waves.size();
-  replay.finer_than_log = replay.plan.wave_paths < log.facts.wave_paths;
-  if (replay.plan.spills) {
-    // What the planner takes a step to spill, for the steps that there were.
-    const double planned =
-        static_cast<double>(replay.plan.predicted_spill_bytes) / std::max(1.0, replay.plan.predicted_steps);
-    replay.spill_bytes = static_cast<uint64_t>(planned * t.steps);
-    const double io = static_cast<double>(replay.spill_bytes) / rates.disk_bytes_per_second;
-    replay.io_seconds += io, replay.seconds += 0.5 * io;
-  }
+  SPILLWAY_ASSIGN(const Plan plan, plan_render(log.facts.scene, options));
+  SPILLWAY_TRY(check(log, plan));
+  SPILLWAY_ASSIGN(std::vector<WaveSamples> samples, log.samples());
+  const ReadCosts costs = read_costs(log, rates);
+  Replay replay = Replayer(log, std::move(samples), plan, costs).run();
+  replay.finer_than_log = plan.wave_paths < log.facts.wave_paths;
+  replay.spill_bytes = static_cast<uint64_t>(spilled_bytes(log, plan));
+  replay.io_seconds += static_cast<double>(replay.spill_bytes) / rates.spill_bytes_per_second;
+  replay.compute_seconds += computed_seconds(log, costs);
+  replay.seconds = replay.compute_seconds + replay.io_seconds;
   return replay;
 }
 

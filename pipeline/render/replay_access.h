@@ -8,12 +8,12 @@
 //
 // How: a wave of the plan begins the next paths of the log's order, as many as its size leaves room for; what its
 // camera rays need is what those of the same paths needed, and what its other rays need is what those of the paths of
-// the waves before needed. Page reads then follow from the policy of residency itself (cache/residency.h). Compute is
-// the log's own, a ray for a ray. Limits: waves smaller than those of the log need less than is known of them
-// (`finer_than_log`): log with small waves, which is what an unlimited budget plans. Rays are taken to need the pages
-// between them and their hits; a sweep also visits some that come before in the file (a few percent of the pages a
-// wave). Textures are not replayed, nor rays that
-// are parked: every wave is taken to sweep.
+// the waves before needed. Samples of single rays tell how many rays wait for pages that are not in memory, and so
+// whether they are parked or sweep, and what occluded shadow rays need. Reads then follow from the policy of residency
+// itself (cache/residency.h). Compute is the log's own, without what logging took; a byte that is read again costs what
+// the log's probe measured: time, and processors that tracing does not have. Limits: waves smaller than those of the
+// log need less than is known of them (`finer_than_log`): log with small waves, which is what an unlimited budget
+// plans. Textures and volumes are not replayed.
 
 #include <string>
 #include <vector>
@@ -22,21 +22,17 @@
 
 namespace spillway::pipeline {
 
-// Measured on two cores, as are the planner's.
 struct ReplayRates {
-  double disk_bytes_per_second = 1.0e9;
-  double check_bytes_per_second = 1.6e9;  // of pages that come from the disk: checksum and laws, on the tracing threads
-  // A path step in a wave beyond the processor's caches takes this much longer to sort, route and shade ...
-  double large_wave_seconds_per_step = 1.0e-7;
-  // ... and a ray that waits for pages this much longer than one that does not: pairs are listed, and met one by one.
-  double wait_seconds_per_ray = 1.0e-7;
+  double disk_bytes_per_second = 0;       // 0: as the log's probe found
+  double spill_bytes_per_second = 0.7e9;  // as the planner's
 };
 
 struct Replay {
   Plan plan;
   uint64_t wave_count = 0, page_bytes = 0, attribute_bytes = 0, spill_bytes = 0;
-  uint64_t page_sweeps = 0;  // waves that read pages
-  double compute_seconds = 0, io_seconds = 0, seconds = 0;
+  uint64_t page_sweeps = 0;                                 // waves that read pages
+  double parked_rays = 0, waiting_rays = 0;                 // times that rays were parked, and that they swept
+  double compute_seconds = 0, io_seconds = 0, seconds = 0;  // io: what is waited for
   bool finer_than_log = false;
 };
 

@@ -1,8 +1,6 @@
 #include "pipeline/render/trace_rays.h"
 
 #include <algorithm>
-#include <atomic>
-#include <vector>
 
 #include "cache/base/check.h"
 #include "cache/base/parallel.h"
@@ -28,29 +26,6 @@ void trace_all_resident(WaveRays& rays, size_t block) {
 void note_pages_used(WaveRays& rays) {
   for (uint32_t page = 0; page < rays.page_count(); ++page)
     if (rays.used()[page] != 0) rays.pages().pages().note_use(page);
-}
-
-// By the final hits and the boxes of pages alone, as if nothing were in memory or known: the same for any budget.
-void log_needed(const WaveRays& rays, size_t block, size_t camera_rays_from, WaveAccess& access) {
-  enum : uint8_t { camera = 1, continued = 2, shadow = 4 };
-  const uint32_t page_count = rays.page_count();
-  const Buffer<cache::TracePageView> none(MemoryTag::rays, page_count);
-  std::vector<std::atomic<uint8_t>> needed(page_count);
-  parallel_blocks(rays.size(), block, [&](size_t, size_t first, size_t last) {
-    VisitList visits;
-    for (size_t i = first; i < last; ++i) {
-      const uint32_t ray = rays.in_order(i);
-      const uint8_t kind = !rays.is_path(ray) ? shadow : ray >= camera_rays_from ? camera : continued;
-      for (const cache::PageVisit& visit : rays.pages_before_hit(ray, {none.data()}, visits))
-        if ((needed[visit.page].load(std::memory_order_relaxed) & kind) != kind) needed[visit.page].fetch_or(kind);
-    }
-  });
-  for (uint32_t page = 0; page < page_count; ++page) {
-    const uint8_t kinds = needed[page].load(std::memory_order_relaxed);
-    if (kinds & camera) access.camera_pages.push_back(page);
-    if (kinds & continued) access.continued_pages.push_back(page);
-    if (kinds & shadow) access.shadow_pages.push_back(page);
-  }
 }
 
 }  // namespace
@@ -104,7 +79,6 @@ Status trace_rays(const cache::PageTree& tree, PageViews& pages, const TraceBatc
     if (!pages.pages().fits()) note_pages_used(rays);
     if (more) status = sweep.sweep();
   }
-  if (options.access != nullptr && status) log_needed(rays, block, options.camera_rays_from, *options.access);
   report.work = rays.work();
   return status;
 }

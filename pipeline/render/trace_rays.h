@@ -20,7 +20,6 @@
 #include "cache/part_store.h"
 #include "cache/ray.h"
 #include "cache/trace_kernel.h"
-#include "pipeline/render/access_log.h"
 #include "pipeline/render/pixel_costs.h"
 
 namespace spillway::pipeline {
@@ -35,9 +34,6 @@ struct TraceRaysOptions {
   uint64_t park_pairs = UINT64_MAX;
   // The hits given are such ones: what PageViews::kept() has was met.
   bool goes_on = false;
-  // What the rays need is logged here: of every ray, by another walk through the page tree.
-  WaveAccess* access = nullptr;
-  size_t camera_rays_from = SIZE_MAX;  // path rays from here on come from the camera (for the log)
 };
 
 struct TraceRaysReport {

@@ -2,8 +2,10 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cmath>
 #include <fstream>
+#include <set>
 
 #include "pipeline/render/render_image.h"
 #include "pipeline/render/replay_access.h"
@@ -24,12 +26,17 @@ class AccessLogTest : public testing::Test {
     o.settings = store_->settings();
     o.settings.render.samples_per_pixel = 16;
     o.plan = plan;
-    o.park_rays = o.page_tops = false;  // which a replay does not know
     o.access_log = log;
     o.scratch_directory = directory_.path();
     return o;
   }
   RenderReport render(const PlanOptions& plan, AccessLog* log) { return render(options(plan, log)); }
+  // Of four times as many waves, so that one sweep more or less is few of them.
+  RenderReport render_long(const PlanOptions& plan, AccessLog* log) {
+    RenderOptions o = options(plan, log);
+    o.settings.render.samples_per_pixel = 64;
+    return render(o);
+  }
   RenderReport render(const RenderOptions& o) {
     const auto image = render_image(*store_, o);
     EXPECT_TRUE(image) << (image ? "" : image.error().message);
@@ -60,11 +67,44 @@ TEST_F(AccessLogTest, what_is_written_comes_back) {
     const WaveAccess &a = log.waves[w], &b = back->waves[w];
     EXPECT_EQ(a.facts.path_count, b.facts.path_count);
     EXPECT_TRUE(a.camera_pages == b.camera_pages && a.continued_pages == b.continued_pages &&
-                a.shadow_pages == b.shadow_pages && a.swept_pages == b.swept_pages && a.read_pages == b.read_pages &&
+                a.shadow_pages == b.shadow_pages && a.camera_boxes == b.camera_boxes &&
+                a.later_boxes == b.later_boxes && a.swept_pages == b.swept_pages && a.read_pages == b.read_pages &&
                 a.attribute_blocks == b.attribute_blocks && a.read_attribute_blocks == b.read_attribute_blocks);
     read += b.read_pages.size();
   }
   EXPECT_GT(read, store_->pages().size());
+  EXPECT_EQ(back->sample_bytes, log.sample_bytes);
+}
+
+// Of a small frame every ray is a sample.
+TEST_F(AccessLogTest, samples_are_of_all_rays_and_agree_with_the_lists) {
+  AccessLog log;
+  const RenderReport report = render({.wave_paths = 1000, .page_bytes = 200'000}, &log);
+  ASSERT_EQ(log.facts.sampled_of, 1u);
+  const auto samples = log.samples();
+  ASSERT_TRUE(samples);
+  uint64_t occluded = 0;
+  for (size_t w = 0; w < log.waves.size(); ++w) {
+    std::array<uint64_t, kRayKinds> counts = {};
+    std::array<std::set<uint32_t>, kRayKinds> pages;
+    for (const SampleRow& row : (*samples)[w].rows) {
+      const auto kind = static_cast<size_t>(row.kind);
+      const auto met = (*samples)[w].pages(row), stops = (*samples)[w].stops(row);
+      const bool is_occluded = row.kind == RayKind::shadow && !stops.empty();
+      counts[kind] += row.count;
+      if (is_occluded) {
+        EXPECT_TRUE(std::ranges::includes(met, stops));
+      } else {
+        pages[kind].insert(met.begin(), met.end());
+      }
+      if (is_occluded) occluded += row.count;
+    }
+    const WaveFacts& facts = log.waves[w].facts;
+    EXPECT_EQ(counts, (std::array{facts.generated_count, facts.path_count - facts.generated_count, facts.shadow_count}));
+    const std::array lists = {&log.waves[w].camera_pages, &log.waves[w].continued_pages, &log.waves[w].shadow_pages};
+    for (size_t kind = 0; kind < kRayKinds; ++kind) EXPECT_TRUE(std::ranges::equal(pages[kind], *lists[kind])) << w;
+  }
+  EXPECT_EQ(occluded, report.route.occluded_count);
 }
 
 // Of images and of face textures, when they fit, when they do not, and read ahead or not: the counters are the log's.
@@ -159,11 +199,11 @@ TEST_F(AccessLogTest, with_memory_for_all_each_page_that_is_needed_is_read_once)
 
 TEST_F(AccessLogTest, a_log_of_small_waves_foretells_what_other_budgets_and_waves_read) {
   AccessLog log;
-  render({.wave_paths = 500}, &log);
+  render_long({.wave_paths = 500}, &log);
   for (const uint64_t wave_paths : {500u, 2000u, 8000u})
     for (const uint64_t page_bytes : {150'000u, 400'000u}) {
       const PlanOptions plan{.wave_paths = wave_paths, .page_bytes = page_bytes};
-      const RenderReport report = render(plan, nullptr);
+      const RenderReport report = render_long(plan, nullptr);
       const auto replay = replay_access(log, plan);
       ASSERT_TRUE(replay);
       const double waves = static_cast<double>(report.waves.size());

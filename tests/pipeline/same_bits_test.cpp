@@ -305,11 +305,13 @@ TEST_F(SameBits, while_an_access_log_is_written) {
   EXPECT_EQ(image.report.image_hash, hash_);
   // What is needed is the rays' affair: the same for any budget. What is read is what the counters say.
   ASSERT_EQ(whole.waves.size(), limited.waves.size());
+  EXPECT_TRUE(whole.sample_bytes == limited.sample_bytes);
   uint64_t pages_read = 0, blocks_read = 0;
   for (size_t w = 0; w < whole.waves.size(); ++w) {
     const WaveAccess &a = whole.waves[w], &b = limited.waves[w];
     EXPECT_TRUE(a.camera_pages == b.camera_pages && a.continued_pages == b.continued_pages &&
-                a.shadow_pages == b.shadow_pages && a.attribute_blocks == b.attribute_blocks)
+                a.shadow_pages == b.shadow_pages && a.camera_boxes == b.camera_boxes &&
+                a.later_boxes == b.later_boxes && a.attribute_blocks == b.attribute_blocks)
         << w;
     for (const uint32_t page : b.read_pages) pages_read += limited.page_bytes[page];
     for (const uint32_t block : b.read_attribute_blocks) blocks_read += limited.attribute_bytes[block];

@@ -1,0 +1,146 @@
+// Replays of logs made by hand, whose answers are known.
+#include "pipeline/render/replay_access.h"
+
+#include <gtest/gtest.h>
+
+namespace spillway::pipeline {
+namespace {
+
+constexpr uint64_t kPage = 4096;
+
+// Four pages; a hundred pixels; waves of a hundred paths, each of which needs page 0 and one of its own.
+class ReplayAccess : public testing::Test {
+ protected:
+  ReplayAccess() {
+    log_.page_bytes = {kPage, kPage, kPage, kPage};
+    SceneFacts& scene = log_.facts.scene;
+    scene.trace_bytes = 4 * kPage, scene.largest_page_bytes = kPage;
+    scene.pixel_count = 100, scene.samples_per_pixel = 2, scene.max_depth = 0;
+    log_.facts.wave_paths = 100;
+  }
+  void add_wave(std::vector<uint32_t> pages, const CountedNeeds& samples) {
+    log_.begin_wave();
+    log_.wave().camera_pages = std::move(pages);
+    log_.end_wave({.path_count = 100, .generated_count = 100});
+    put_samples(log_.sample_bytes, static_cast<uint32_t>(log_.waves.size() - 1), samples);
+  }
+  // Two waves of whose hundred rays so many wait.
+  void add_two_waves(uint32_t waiting) {
+    for (const uint32_t page : {1u, 2u}) {
+      CountedNeeds samples = {{{RayKind::camera, {0, page}, {}}, waiting}};
+      if (waiting < 100) samples[{RayKind::camera, {}, {}}] = 100 - waiting;
+      add_wave({0, page}, samples);
+    }
+  }
+  Replay replay(uint64_t page_bytes, const ReplayRates& rates = {}) {
+    const auto got = replay_access(log_, {.wave_paths = 100, .page_bytes = page_bytes, .spill = 0}, rates);
+    EXPECT_TRUE(got) << got.error().message;
+    return *got;
+  }
+
+  AccessLog log_;
+  static constexpr uint64_t kAll = 4 * kPage, kRing = 2 * kPage;  // all pages; none that stays
+};
+
+TEST_F(ReplayAccess, what_fits_is_read_once) {
+  add_two_waves(100);
+  const Replay r = replay(kAll);
+  EXPECT_EQ(r.page_bytes, 3 * kPage);
+  EXPECT_EQ(r.page_sweeps, 2u);
+  EXPECT_EQ(r.wave_count, 2u);
+  EXPECT_EQ(r.parked_rays, 0);
+}
+
+TEST_F(ReplayAccess, where_many_rays_wait_every_wave_sweeps) {
+  add_two_waves(100);
+  const Replay r = replay(kRing);
+  EXPECT_EQ(r.page_bytes, 4 * kPage);
+  EXPECT_EQ(r.page_sweeps, 2u);
+  EXPECT_EQ(r.waiting_rays, 200);
+}
+
+// A quarter of a wave's paths may be parked.
+TEST_F(ReplayAccess, where_few_wait_they_are_parked_and_share_a_sweep) {
+  add_two_waves(10);
+  const Replay r = replay(kRing);
+  EXPECT_EQ(r.page_bytes, 3 * kPage);
+  EXPECT_EQ(r.page_sweeps, 1u);
+  EXPECT_EQ(r.parked_rays, 20);
+  EXPECT_EQ(r.waiting_rays, 20);
+  EXPECT_EQ(r.wave_count, 3u);  // the last one is of those that were parked
+}
+
+TEST_F(ReplayAccess, rays_beyond_what_may_be_parked_sweep_at_once) {
+  add_two_waves(15);  // the second fifteen find room for ten
+  const Replay r = replay(kRing);
+  EXPECT_EQ(r.parked_rays, 15);
+  EXPECT_EQ(r.page_sweeps, 2u);
+}
+
+// Rays that hit in page 1, behind which are 2 and 3.
+TEST_F(ReplayAccess, pages_behind_a_hit_are_needed_while_that_is_not_in_memory) {
+  for (int wave = 0; wave < 2; ++wave) add_wave({1}, {{{RayKind::camera, {1}, {1, 2, 3}}, 100}});
+  EXPECT_EQ(replay(kAll).page_bytes, 3 * kPage);   // then the hit is in memory
+  EXPECT_EQ(replay(kRing).page_bytes, 6 * kPage);  // it never is
+}
+
+// Half of the paths go on, and send a shadow ray each.
+class ReplayOfShadows : public ReplayAccess {
+ protected:
+  Replay replay_with(std::vector<uint32_t> occluders) {
+    log_.facts.scene.max_depth = 1;
+    for (int wave = 0; wave < 3; ++wave) {
+      add_wave({1}, {{{RayKind::camera, {1}, {}}, 50}, {{RayKind::shadow, {0, 1, 2, 3}, occluders}, 50}});
+      log_.wave().facts = {.path_count = 100, .shadow_count = 33, .generated_count = wave == 0 ? 100u : 50u};
+    }
+    return replay(kAll);
+  }
+};
+
+TEST_F(ReplayOfShadows, which_something_in_memory_occludes_need_no_page) {
+  EXPECT_EQ(replay_with({1, 3}).page_bytes, kPage);
+}
+
+TEST_F(ReplayOfShadows, whose_occluders_are_not_in_memory_need_all_pages_as_far_as_their_light) {
+  EXPECT_EQ(replay_with({2, 3}).page_bytes, 4 * kPage);
+}
+
+// Pages whose tops are not known yet are needed by rays that meet their box; of those that fit no tops are kept.
+TEST_F(ReplayAccess, boxes_are_needed_until_their_page_is_read) {
+  add_wave({0}, {{{RayKind::camera, {0}, {}}, 100}});
+  add_wave({0}, {{{RayKind::camera, {0}, {}}, 100}});
+  for (WaveAccess& wave : log_.waves) wave.camera_boxes = {0, 3};
+  EXPECT_EQ(replay(kAll).page_bytes, 2 * kPage);
+  EXPECT_EQ(replay(kRing).page_bytes, 3 * kPage);
+}
+
+TEST_F(ReplayAccess, more_memory_never_reads_more) {
+  for (uint32_t wave = 0; wave < 8; ++wave) {
+    log_.facts.scene.samples_per_pixel = 8;
+    add_wave({wave % 2, 2, 3}, {{{RayKind::camera, {2}, {}}, 100}});
+  }
+  uint64_t before = UINT64_MAX;
+  for (uint64_t pages = 2; pages <= 4; ++pages) {
+    const uint64_t bytes = replay(pages * kPage).page_bytes;
+    EXPECT_LE(bytes, before) << pages;
+    before = bytes;
+  }
+  EXPECT_EQ(before, 4 * kPage);
+}
+
+// Compute is the log's without what logging took, waits are those of the log, or what its probe says of other reads.
+TEST_F(ReplayAccess, seconds_of_the_run_that_was_logged_are_its_own) {
+  add_two_waves(100);
+  log_.waves[0].read_pages = {0, 1}, log_.waves[1].read_pages = {2};
+  log_.facts.page_bytes_read = 3 * kPage;
+  log_.facts.seconds = 10, log_.facts.log_seconds = 2, log_.facts.page_wait_seconds = 1;
+  log_.facts.probe_bytes = kPage, log_.facts.probe_seconds = 5;
+  EXPECT_DOUBLE_EQ(replay(kAll).seconds, 8);
+  EXPECT_DOUBLE_EQ(replay(kRing).seconds, 7 + 1 + 5);  // page 0 again
+  EXPECT_DOUBLE_EQ(replay(kRing, {.disk_bytes_per_second = kPage}).seconds, 7 + 4);
+  log_.facts.probe_cpu_seconds = 4, log_.facts.threads = 2;
+  EXPECT_DOUBLE_EQ(replay(kRing).seconds, 7 + 1 + 5 + 2);
+}
+
+}  // namespace
+}  // namespace spillway::pipeline
