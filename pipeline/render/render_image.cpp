@@ -1,7 +1,6 @@
 #include "pipeline/render/render_image.h"
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <optional>
 #include <utility>
@@ -9,31 +8,20 @@
 #include "cache/base/check.h"
 #include "cache/trace_log.h"
 #include "pipeline/render/estimate_error.h"
-#include "pipeline/render/park_rays.h"
 #include "pipeline/render/render_state.h"
 #include "pipeline/render/route_hits.h"
 #include "pipeline/render/shade_hits.h"
+#include "pipeline/render/stage_timer.h"
+#include "pipeline/render/trace_wave.h"
 
 namespace spillway::pipeline {
 namespace {
-
-using Clock = std::chrono::steady_clock;
-double seconds_since(Clock::time_point start) { return std::chrono::duration<double>(Clock::now() - start).count(); }
-
-using Paths = RayColumns<PathRecord>;
-using Shadows = ShadowColumns;
 
 cache::StreamOptions stream_options(RenderState& state, const char* what, MemoryTag tag, cache::IoPurpose purpose,
                                     uint64_t limit) {
   return {.what = what, .tag = tag, .purpose = purpose, .memory_limit_bytes = limit,
           .block_bytes = state.options.spill_block_bytes, .scratch = state.scratch.get()};
 }
-
-// One wave's rays of both kinds.
-struct Wave {
-  Paths paths;
-  Shadows shadows;
-};
 
 Wave make_wave(RenderState& state) {
   const auto options = [&](const char* what) {
@@ -53,24 +41,10 @@ void empty(RayColumns<Record>& columns, size_t capacity) {
   columns.cold.clear();
 }
 
-void empty_shadows(Shadows& shadows, size_t capacity) {
+void empty_shadows(ShadowColumns& shadows, size_t capacity) {
   empty(shadows, capacity);
   if (shadows.ends) shadows.ends->clear();
 }
-
-// A stage at work: its seconds in the report, its span in the timeline.
-class StageTimer {
- public:
-  StageTimer(const char* stage, double& seconds) : span_("stage", stage), seconds_(seconds) {}
-  ~StageTimer() { seconds_ += seconds_since(start_); }
-  StageTimer(const StageTimer&) = delete;
-  StageTimer& operator=(const StageTimer&) = delete;
-
- private:
-  cache::TraceSpan span_;
-  double& seconds_;
-  Clock::time_point start_ = Clock::now();
-};
 
 class RenderLoop {
  public:
@@ -83,7 +57,7 @@ class RenderLoop {
                      settings_.render.camera_medium),
         schedule_({settings_.render.samples_per_pixel, state.plan.epoch_samples, state.plan.first_epoch_samples,
                    state.options.error > 0}),
-        parked_(state.plan.parked_rays, state.options.cost_layers),
+        tracer_(state, report),
         hits_(stream_options(state, "hits", MemoryTag::hits, cache::IoPurpose::hits, state.plan.hit_bytes)) {}
 
   Status run() {
@@ -97,13 +71,13 @@ class RenderLoop {
       const cache::TraceSpan span("wave", "wave");
       WaveReport wave_report;
       const double generated_before = report_.generate_seconds;
-      if (parked_.is_nearly_full() && !parked_.has_traced()) SPILLWAY_TRY(sweep_parked(wave_report));
+      SPILLWAY_TRY(tracer_.sweep_full_lot(wave_report));
       SPILLWAY_TRY(top_up(wave, wave_report));
-      if (is_empty(wave) && !parked_.empty()) {
-        SPILLWAY_TRY(sweep_parked(wave_report));
+      if (wave.empty()) {
+        SPILLWAY_TRY(tracer_.sweep_lot(wave_report));
         SPILLWAY_TRY(top_up(wave, wave_report));
       }
-      if (is_empty(wave)) break;
+      if (wave.empty()) break;
       begin_log();
       SPILLWAY_TRY(advance(wave, wave_report));
       end_log(wave_report, report_.generate_seconds - generated_before);
@@ -125,61 +99,27 @@ class RenderLoop {
   }
 
  private:
-  static bool is_empty(const Wave& wave) { return wave.paths.hot.empty() && wave.shadows.hot.empty(); }
-
   // Fills the wave: parked rays that were traced come back, and camera paths of the open epochs, opening the next one
   // where there is none.
   Status top_up(Wave& wave, WaveReport& report) {
     const StageTimer timer("generate_rays", report_.generate_seconds);
-    const bool waits = !state_.options.top_up_waves && !is_empty(wave);
-    const size_t held = wave.paths.hot.size(), most = state_.plan.wave_paths;
-    back_paths_ = std::min(parked_.paths().traced_count(), most > held ? most - held : 0);
-    back_shadows_ = std::min(parked_.shadows().traced_count(), wave.shadows.hot.capacity() - wave.shadows.hot.size());
-    while (!waits && wave.paths.hot.size() + back_paths_ < most) {
+    const bool waits = !state_.options.top_up_waves && !wave.empty();
+    const size_t most = state_.plan.wave_paths - tracer_.choose_returning(wave);
+    while (!waits && wave.paths.hot.size() < most) {
       if (camera_rays_.exhausted()) {
         const std::optional<Epoch> epoch = schedule_.open_next();
         if (!epoch) break;
         camera_rays_.begin(*epoch);
         generating_half_ = epoch->half;
       }
-      SPILLWAY_TRY(generate_batch(wave, report));
+      SPILLWAY_TRY(generate_batch(wave, most, report));
     }
-    return make_results(wave);
+    return tracer_.begin(wave);
   }
 
-  // Room for what tracing finds, and what it found of the rays that come back: they are the last of the wave.
-  Status make_results(Wave& wave) {
-    const size_t paths = wave.paths.hot.size(), shadows = wave.shadows.hot.size();
-    const size_t path_count = paths + back_paths_, shadow_count = shadows + back_shadows_;
-    path_hits_.renew(MemoryTag::rays, path_count), path_hits_.set_size(path_count);
-    shadow_hits_.renew(MemoryTag::rays, shadow_count), shadow_hits_.set_size(shadow_count);
-    if (state_.costs) {
-      path_costs_.renew(MemoryTag::rays, path_count), path_costs_.set_size(path_count);
-      shadow_costs_.renew(MemoryTag::rays, shadow_count), shadow_costs_.set_size(shadow_count);
-    }
-    const auto rest = [](auto& of_wave, size_t first) {
-      return std::span(of_wave).subspan(std::min(first, of_wave.size()));
-    };
-    if (back_paths_ > 0)
-      SPILLWAY_TRY(parked_.paths().give_back(wave.paths, rest(path_hits_, paths), rest(path_costs_, paths)));
-    if (back_shadows_ > 0)
-      SPILLWAY_TRY(parked_.shadows().give_back(wave.shadows, rest(shadow_hits_, shadows), rest(shadow_costs_, shadows)));
-    return {};
-  }
-
-  Status sweep_parked(WaveReport& report) {
-    const StageTimer timer("sweep_parked", report.trace_seconds);
-    TraceRaysReport traced;
-    SPILLWAY_TRY(parked_.sweep(state_.store.page_tree(), *state_.pages, settings_.statistics.bounds_world, sort_options(),
-                               trace_options(), traced));
-    add(traced, report);
-    state_.page_parts->rebalance();
-    return {};
-  }
-
-  Status generate_batch(Wave& wave, WaveReport& report) {
+  Status generate_batch(Wave& wave, size_t most, WaveReport& report) {
     const size_t at = wave.paths.hot.size();
-    const size_t room = std::min<size_t>(state_.plan.wave_paths - back_paths_ - at, generated_.size());
+    const size_t room = std::min<size_t>(most - at, generated_.size());
     const size_t made = camera_rays_.generate_rays(room, wave.paths.hot.data() + at, generated_.data());
     wave.paths.hot.set_size(at + made);
     report.generated_count += made;
@@ -195,24 +135,17 @@ class RenderLoop {
     if (wave.shadows.ends) SPILLWAY_TRY(wave.shadows.ends->finish());
     cache::ExternalSort<HitRecord>& hits = hits_;
     hits.clear();
-    sort_wave(wave, report);
-    SPILLWAY_TRY(trace_wave(wave, report));
+    SPILLWAY_TRY(tracer_.trace(wave, report));
     log_wave(wave, report);
     if (report_.has_media) SPILLWAY_TRY(track_wave(wave, report));
-    if (parked_count_ > 0) {
-      SPILLWAY_TRY(parked_.paths().park(wave.paths, path_hits_, path_costs_));
-      SPILLWAY_TRY(parked_.shadows().park(wave.shadows, shadow_hits_, shadow_costs_));
-    }
     SPILLWAY_TRY(route_wave(wave, hits, report));
     report.spilled_bytes += wave.paths.cold.spilled_bytes() + wave.shadows.cold.spilled_bytes();
     if (wave.shadows.ends) report.spilled_bytes += wave.shadows.ends->spilled_bytes();
     empty(wave.paths, std::max<size_t>(hits.size(), state_.plan.wave_paths));
-    empty_shadows(wave.shadows, std::max<size_t>(hits.size(), parked_.empty() ? 0 : state_.plan.wave_paths));
+    empty_shadows(wave.shadows, std::max<size_t>(hits.size(), tracer_.parked().empty() ? 0 : state_.plan.wave_paths));
     SPILLWAY_TRY(shade_wave(wave, hits, report));
     report.spilled_bytes += hits.spilled_bytes();
     report_.spilled_bytes += report.spilled_bytes;
-    // Else all that is wanted is asked for when the parked rays are swept.
-    if (state_.plan.parked_rays == 0) state_.page_parts->rebalance();
     state_.attributes->parts().rebalance();
     return {};
   }
@@ -234,72 +167,15 @@ class RenderLoop {
     return {};
   }
 
-  // The rays of a wave that are not traced yet.
-  [[nodiscard]] std::span<const cache::TraceRay> new_paths(const Wave& wave) const {
-    return std::span<const cache::TraceRay>(wave.paths.hot).first(wave.paths.hot.size() - back_paths_);
-  }
-  [[nodiscard]] std::span<const cache::TraceRay> new_shadows(const Wave& wave) const {
-    return std::span<const cache::TraceRay>(wave.shadows.hot).first(wave.shadows.hot.size() - back_shadows_);
-  }
-
-  [[nodiscard]] SortRaysOptions sort_options() const {
-    SortRaysOptions options;
-    options.enabled = state_.options.sort_rays;
-    return options;
-  }
-
-  void sort_wave(const Wave& wave, WaveReport& report) {
-    const StageTimer timer("sort_rays", report.sort_seconds);
-    const auto paths = new_paths(wave), shadows = new_shadows(wave);
-    order_.renew(MemoryTag::rays, paths.size() + shadows.size());
-    order_.set_size(paths.size() + shadows.size());
-    sort_rays(paths, shadows, settings_.statistics.bounds_world, order_, sort_options(), sort_scratch_);
-    if (state_.options.sort_rays) report_.sorted_count += order_.size();
-    if (state_.plan.spills) sort_scratch_ = {};
-  }
-
-  [[nodiscard]] TraceRaysOptions trace_options() const {
-    TraceRaysOptions options;
-    options.pair_limit_bytes = state_.plan.pair_bytes;
-    options.resident_first = state_.options.resident_first;
-    return options;
-  }
-
-  Status trace_wave(const Wave& wave, WaveReport& report) {
-    const StageTimer timer("trace_rays", report.trace_seconds);
-    const auto paths = new_paths(wave), shadows = new_shadows(wave);
-    TraceRaysOptions options = trace_options();
-    options.park_paths = parked_.paths().room(), options.park_shadows = parked_.shadows().room();
-    options.park_pairs = state_.plan.park_pairs;
-    const auto of_new = [](auto& results, size_t count) { return std::span(results).first(std::min(count, results.size())); };
-    const std::span<RayCost> path_costs = of_new(path_costs_, paths.size()), shadow_costs = of_new(shadow_costs_, shadows.size());
-    std::fill(path_costs.begin(), path_costs.end(), RayCost{});
-    std::fill(shadow_costs.begin(), shadow_costs.end(), RayCost{});
-    TraceRaysReport traced;
-    SPILLWAY_TRY(trace_rays(state_.store.page_tree(), *state_.pages,
-                            {paths, shadows, of_new(path_hits_, paths.size()), of_new(shadow_hits_, shadows.size()), order_,
-                             path_costs, shadow_costs},
-                            options, traced));
-    parked_count_ = traced.parked_count;
-    add(traced, report);
-    return {};
-  }
-
-  void add(const TraceRaysReport& traced, WaveReport& report) {
-    report.pages_touched += traced.pages_touched;
-    report.pair_count += traced.pair_count;
-    report.window_count += traced.window_count;
-    report_.trace += traced;
-  }
-
   // Only in scenes that have media: elsewhere there are no results, and nothing looks for them.
   Status track_wave(const Wave& wave, WaveReport& report) {
     const StageTimer timer("track_media", report.track_seconds);
     TrackMediaOptions options;
     options.run_limit_bytes = state_.plan.run_bytes;
     TrackMediaReport tracked;
-    SPILLWAY_TRY(track_media(state_.media, {wave.paths.hot, path_hits_, &wave.paths.cold},
-                             {wave.shadows.hot, shadow_hits_, &wave.shadows.cold}, options, track_scratch_, tracked));
+    const TraceBatch rays = tracer_.batch(wave);
+    SPILLWAY_TRY(track_media(state_.media, {rays.path_rays, rays.path_hits, &wave.paths.cold},
+                             {rays.shadow_rays, rays.shadow_hits, &wave.shadows.cold}, options, track_scratch_, tracked));
     report_.track += tracked;
     if (state_.volumes) state_.volumes->parts().rebalance();
     return {};
@@ -307,14 +183,10 @@ class RenderLoop {
 
   Status route_wave(Wave& wave, cache::ExternalSort<HitRecord>& hits, WaveReport& report) {
     const StageTimer timer("route_hits", report.route_seconds);
-    SPILLWAY_TRY(route_hits(
-        state_.inputs.settings,
-        {wave.paths.hot, path_hits_, &wave.paths.cold, track_scratch_.path_results, path_costs_},
-        {wave.shadows.hot, shadow_hits_, &wave.shadows.cold, track_scratch_.shadow_results, shadow_costs_,
-         wave.shadows.ends ? &*wave.shadows.ends : nullptr},
-        hits, *state_.film, route_scratch_, report_.route, {state_.options.sort_hits, state_.options.hit_batch_rays},
-        state_.costs.get()));
-    if (state_.plan.spills) order_ = {}, path_hits_ = {}, shadow_hits_ = {};
+    SPILLWAY_TRY(route_hits(state_.inputs.settings, tracer_.traced_paths(wave, track_scratch_.path_results),
+                            tracer_.traced_shadows(wave, track_scratch_.shadow_results), hits, *state_.film, route_scratch_,
+                            report_.route, {state_.options.sort_hits, state_.options.hit_batch_rays}, state_.costs.get()));
+    if (state_.plan.spills) tracer_.give_back();
     return {};
   }
 
@@ -322,8 +194,7 @@ class RenderLoop {
   void log_wave(const Wave& wave, const WaveReport& report) {
     if (!state_.needs) return;
     const StageTimer timer("log_needs", report_.log_seconds);
-    state_.needs->log_wave(*state_.pages, {wave.paths.hot, wave.shadows.hot, path_hits_, shadow_hits_, order_},
-                           wave.paths.hot.size() - report.generated_count);
+    state_.needs->log_wave(*state_.pages, tracer_.batch(wave), wave.paths.hot.size() - report.generated_count);
   }
 
   void begin_log() {
@@ -348,7 +219,7 @@ class RenderLoop {
   void close_epochs() {
     for (const uint32_t half : {0u, 1u}) {
       const bool generated = camera_rays_.exhausted() || generating_half_ != half;
-      if (!schedule_.is_open(half) || !generated || live_[half] != 0 || parked_.any_of_half(half)) continue;
+      if (!schedule_.is_open(half) || !generated || live_[half] != 0 || tracer_.parked().any_of_half(half)) continue;
       schedule_.close(half);
       state_.film->set_half_samples(static_cast<int>(half), schedule_.closed_samples()[half]);
     }
@@ -403,17 +274,10 @@ class RenderLoop {
   EpochSchedule schedule_;
   uint32_t generating_half_ = 0;
   uint64_t generated_total_ = 0;
-  ParkedRays parked_;
-  uint64_t parked_count_ = 0;                  // of the wave
-  size_t back_paths_ = 0, back_shadows_ = 0;   // of the wave, its last: parked rays that came back traced
   double expected_samples_ = INFINITY;  // a pixel, until the error that was asked for is reached
   std::array<uint64_t, 2> live_ = {0, 0};  // rays of each half's epoch on their way to the next wave
   Buffer<PathRecord> generated_{MemoryTag::paths, 1 << 14};
-  // Kept from wave to wave; a spilled wave gives back what it does not need while shading.
-  SortRaysScratch sort_scratch_;
-  Buffer<uint32_t> order_;
-  Buffer<cache::TraceHit> path_hits_, shadow_hits_;
-  Buffer<RayCost> path_costs_, shadow_costs_;  // none when nobody asks
+  WaveTracer tracer_;
   cache::ExternalSort<HitRecord> hits_;
   TrackMediaScratch track_scratch_;
   RouteHitsScratch route_scratch_;

@@ -424,7 +424,12 @@ TEST(TraceRays, pages_that_many_rays_wait_for_are_read_and_the_other_rays_wait) 
   EXPECT_EQ(rest.paths.size() + rest.shadows.size(), run.report.parked_count);
   rest.order.resize(rest.paths.size() + rest.shadows.size());
   std::iota(rest.order.begin(), rest.order.end(), 0u);
-  run.store->rebalance();
+  const uint64_t evicted = run.store->counters().parts_evicted;
+  for (uint32_t wave = 0; wave < 4; ++wave) {
+    run.trace(Rays(30, 30, 100 + wave));
+    run.store->rebalance();
+  }
+  EXPECT_GT(run.store->counters().parts_evicted, evicted);
   ASSERT_TRUE(trace_rays(scene.tree(), run.views, {rest.paths, rest.shadows, later.paths, later.shadows, rest.order},
                          {.goes_on = true}, run.report));
   for (size_t i = 300, path = later.paths.size(), shadow = later.shadows.size(); i-- > 0;) {
