@@ -3,9 +3,11 @@
 // Stage park_rays: rays that wait for pages leave their wave for the lot, where one sweep of pages serves all of them.
 //
 // In:  columns of a wave, and its hits, some of them marked kHitWaits by trace_rays.
-// Out: those rays, traced to their ends where they lie; later waves take them back with their hits, a portion each, in the
+// Out: those rays, traced to their ends where they lie; later waves take them back with their hits, a portion each, in
+// the
 //      order of the triangles they hit, so that shading reads attributes in the order of their file.
-// Not: in scenes with media, or whose shadow rays carry more than these columns; where waves are spilled; while an access
+// Not: in scenes with media, or whose shadow rays carry more than these columns; where waves are spilled; while an
+// access
 //      log is written (which tells of each wave's own rays; replay_access parks them).
 // Memory: tags rays and paths, for each of `limit` rays of each kind, at birth; while a sweep is on,
 //         what trace_rays and sort_rays take besides.

@@ -56,7 +56,8 @@ Status WaveTracer::begin(Wave& wave) {
   if (back_paths_ > 0)
     SPILLWAY_TRY(parked_.paths().give_back(wave.paths, behind(path_hits_, paths), behind(path_costs_, paths)));
   if (back_shadows_ > 0)
-    SPILLWAY_TRY(parked_.shadows().give_back(wave.shadows, behind(shadow_hits_, shadows), behind(shadow_costs_, shadows)));
+    SPILLWAY_TRY(
+        parked_.shadows().give_back(wave.shadows, behind(shadow_hits_, shadows), behind(shadow_costs_, shadows)));
   return {};
 }
 
@@ -111,8 +112,9 @@ TracedPaths WaveTracer::traced_paths(const Wave& wave, std::span<const SegmentRe
 }
 
 TracedShadows WaveTracer::traced_shadows(const Wave& wave, std::span<const SegmentResult> media) const {
-  return {wave.shadows.hot, shadow_hits_, &wave.shadows.cold, media, shadow_costs_,
-          wave.shadows.ends ? &*wave.shadows.ends : nullptr};
+  return {wave.shadows.hot,   shadow_hits_,
+          &wave.shadows.cold, media,
+          shadow_costs_,      wave.shadows.ends ? &*wave.shadows.ends : nullptr};
 }
 
 SortRaysOptions WaveTracer::sort_options() const {

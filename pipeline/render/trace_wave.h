@@ -2,7 +2,8 @@
 
 // From a wave's rays to what they hit: stages sort_rays, trace_rays and park_rays, wave after wave.
 //
-// Owns: orders, hits and costs of the wave, and the lot of parked rays. Memory: tags rays and paths, as those stages say;
+// Owns: orders, hits and costs of the wave, and the lot of parked rays. Memory: tags rays and paths, as those stages
+// say;
 //       kept from wave to wave, but for waves that are spilled.
 // Threads: one caller. Fails: a page that cannot be read or is damaged.
 
