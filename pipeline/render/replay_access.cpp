@@ -12,7 +12,7 @@
 namespace spillway::pipeline {
 namespace {
 
-constexpr double kMostWaves = 1 << 22;             // 2^38 paths in small waves: more is no frame
+constexpr double kMostWaves = 1 << 22;  // 2^38 paths in small waves: more is no frame
 constexpr double kMostOfAWave = 0.75;
 constexpr double kUnprobedBytesPerSecond = 2.8e9;  // as the planner's
 
@@ -143,7 +143,12 @@ Status check(const AccessLog& log, const Plan& plan) {
 class Replayer {
  public:
   Replayer(const AccessLog& log, std::vector<WaveSamples> samples, const Plan& plan, const ReadCosts& costs)
-      : log_(log), ranges_(log), costs_(costs), pages_(log, std::move(samples), plan), blocks_(log, plan), waves_(log, plan) {
+      : log_(log),
+        ranges_(log),
+        costs_(costs),
+        pages_(log, std::move(samples), plan),
+        blocks_(log, plan),
+        waves_(log, plan) {
     replay_.plan = plan;
   }
 

@@ -78,8 +78,8 @@ void ReplayPages::add_ray(Ray ray) {
   for (const uint32_t page : ray.pages)
     if (is_resident(page)) residency_.ask(page), ++residents;
   if (residents == ray.pages.size()) return;
-  // Where a page before the hit is in memory the hit may be in that one: what is said of it is a guess. The first stop is
-  // the hit's own page, one of those before it.
+  // Where a page before the hit is in memory the hit may be in that one: what is said of it is a guess. The first stop
+  // is the hit's own page, one of those before it.
   if (ray.kind != RayKind::shadow && residents == 0 && stop - ray.stops.begin() > 1)
     ray.behind = {ray.stops.begin() + 1, stop};
   const auto add = [&](uint32_t page) {
@@ -108,7 +108,9 @@ void ReplayPages::add_seldom(RayKind kind, const std::vector<uint32_t>& waves, d
   }
 }
 
-// Of a page whose top is not known all rays that meet its box must visit it: too many to wait.
+// Of a page whose top is not known all rays that meet its box must visit it. How many these are is not known; they are
+// taken for too many to wait. In a street most of them did wait; but paths that came back from the lot then needed more
+// than others do, of which the log does not tell. Of the two errors the one makes up for most of the other.
 void ReplayPages::add_boxes(const std::vector<uint32_t>& begun, const std::vector<uint32_t>& going_on) {
   const auto add = [&](const std::vector<uint32_t>& boxes) {
     for (const uint32_t page : boxes)

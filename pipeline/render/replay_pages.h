@@ -4,8 +4,9 @@
 // that wait for the rest need when their lot is swept.
 //
 // Owns: the policy of residency, rows of pages, and the rays of a wave that wait, as spans of the log's samples.
-// Order: serial, a function of the calls. Based on: sweep_pages.cpp and park_rays.h, whose rules these are, of rays that
-// stand for others: a wave's are drawn from the samples of the log's waves that are like it, evenly, in their order.
+// Order: serial, a function of the calls. Based on: sweep_pages.cpp and park_rays.h, whose rules these are, of rays
+// that stand for others: a wave's are drawn from the samples of the log's waves that are like it, evenly, in their
+// order.
 
 #include <array>
 #include <span>

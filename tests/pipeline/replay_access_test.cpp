@@ -33,19 +33,14 @@ class ReplayAccess : public testing::Test {
     }
   }
   Replay replay(uint64_t page_bytes, const ReplayRates& rates = {}) {
-    const auto got = replay_access(log_,
-                                   {.wave_paths = 100,
-                                    .page_bytes = page_bytes,
-                                    .spill = 0,
-                                    .parked_rays = lot_,
-                                    .park_pairs = 50},
-                                   rates);
+    const auto got = replay_access(
+        log_, {.wave_paths = 100, .page_bytes = page_bytes, .spill = 0, .parked_rays = lot_, .park_pairs = 50}, rates);
     EXPECT_TRUE(got) << got.error().message;
     return *got;
   }
 
   AccessLog log_;
-  uint64_t lot_ = 100;  // of each kind
+  uint64_t lot_ = 100;                                            // of each kind
   static constexpr uint64_t kAll = 4 * kPage, kRing = 2 * kPage;  // all pages; none that stays
 };
 
