@@ -1,17 +1,19 @@
 #include "pipeline/render/replay_access.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
+#include <iterator>
 
 #include "cache/residency.h"
 #include "pipeline/records.h"
+#include "pipeline/render/replay_pages.h"
 #include "pipeline/render/replay_waves.h"
 
 namespace spillway::pipeline {
 namespace {
 
-constexpr double kMostWaves = 1 << 22;             // 2^38 paths in small waves: more is no frame
+constexpr double kMostWaves = 1 << 22;  // 2^38 paths in small waves: more is no frame
+constexpr double kMostOfAWave = 0.75;
 constexpr double kUnprobedBytesPerSecond = 2.8e9;  // as the planner's
 
 using List = std::vector<uint32_t>;
@@ -63,111 +65,6 @@ class LogRanges {
   std::vector<double> begins_;  // of each wave's paths, and the end
 };
 
-struct ReplayRead {
-  uint64_t first_bytes = 0, again_bytes = 0;
-  [[nodiscard]] uint64_t bytes() const { return first_bytes + again_bytes; }
-};
-
-// Of a kind of rays of a wave: how many were sampled, and how many of these wait.
-struct Waiting {
-  double all = 0, waiting = 0;
-  [[nodiscard]] double share() const { return all > 0 ? waiting / all : 0; }
-};
-
-// Pages of a replay: which are in memory, of which the top is known, what parked rays wait for.
-class ReplayPages {
- public:
-  ReplayPages(const AccessLog& log, std::vector<WaveSamples> samples, const Plan& plan)
-      : log_(log),
-        samples_(std::move(samples)),
-        residency_(log.page_bytes, plan.page_bytes, plan.read_ahead_bytes),
-        known_(log.page_bytes.size()),
-        parked_(log.page_bytes.size()),
-        was_read_(log.page_bytes.size()) {}
-
-  // What the wave needs that is not in memory, and which shares of its rays wait.
-  void begin(const List& begun, const List& going_on) {
-    due_.assign(known_.size(), false);
-    waiting_ = {};
-    Set tops(known_.size()), boxes(known_.size());
-    for (const uint32_t w : begun) add(log_.waves[w].camera_pages, tops), add(log_.waves[w].camera_boxes, boxes);
-    for (const uint32_t w : going_on) {
-      add(log_.waves[w].continued_pages, tops), add(log_.waves[w].shadow_pages, tops);
-      add(log_.waves[w].later_boxes, boxes);
-    }
-    for (uint32_t page = 0; page < known_.size(); ++page) {
-      if (tops[page] && residency_.is_resident(page)) residency_.ask(page);
-      due_[page] = (tops[page] || (boxes[page] && !known_[page])) && !residency_.is_resident(page);
-    }
-    for (const uint32_t w : begun) add_samples(samples_[w], true);
-    for (const uint32_t w : going_on) add_samples(samples_[w], false);
-  }
-  [[nodiscard]] const Waiting& waiting(RayKind kind) const { return waiting_[static_cast<size_t>(kind)]; }
-  [[nodiscard]] bool any_due() const { return std::ranges::find(due_, true) != due_.end(); }
-
-  void park() {
-    for (uint32_t page = 0; page < due_.size(); ++page)
-      if (due_[page]) parked_[page] = true;
-  }
-  void unpark() {
-    for (uint32_t page = 0; page < due_.size(); ++page) {
-      if (parked_[page] && !residency_.is_resident(page)) due_[page] = true;
-      if (parked_[page] && residency_.is_resident(page)) residency_.ask(page);
-    }
-    parked_.assign(parked_.size(), false);
-  }
-
-  // One sweep over what is due.
-  ReplayRead sweep() {
-    ReplayRead read;
-    for (uint32_t page = 0; page < due_.size(); ++page) {
-      if (!due_[page]) continue;
-      residency_.ask(page);
-      (was_read_[page] ? read.again_bytes : read.first_bytes) += log_.page_bytes[page];
-      was_read_[page] = true;
-      known_[page] = !residency_.fits();
-      if (residency_.take_room(page)) residency_.set_resident(page);
-    }
-    return read;
-  }
-  void rebalance() {
-    residency_.rebalance([](uint32_t) {});
-  }
-
- private:
-  // Occluded rays are not in the lists: what they need depends on what is in memory.
-  void add_samples(const WaveSamples& samples, bool of_camera) {
-    const auto is_resident = [&](uint32_t page) { return residency_.is_resident(page); };
-    for (const SampleRow& row : samples.rows) {
-      if ((row.kind == RayKind::camera) != of_camera) continue;
-      Waiting& w = waiting_[static_cast<size_t>(row.kind)];
-      w.all += row.count;
-      const auto pages = samples.pages(row), stops = samples.stops(row);
-      const auto stop = std::ranges::find_if(stops, is_resident);
-      if (row.kind == RayKind::shadow && stop != stops.end()) {
-        residency_.ask(*stop);
-        continue;
-      }
-      if (std::ranges::all_of(pages, is_resident)) continue;
-      w.waiting += row.count;
-      if (row.kind == RayKind::shadow && !stops.empty()) add_due(pages);
-      // Where a page before the hit is in memory the hit may be in that one: what is said of it is a guess.
-      if (row.kind != RayKind::shadow && std::ranges::none_of(pages, is_resident)) add_due({stops.begin(), stop});
-    }
-  }
-
-  void add_due(std::span<const uint32_t> pages) {
-    for (const uint32_t page : pages)
-      if (!residency_.is_resident(page)) due_[page] = true;
-  }
-
-  const AccessLog& log_;
-  const std::vector<WaveSamples> samples_;
-  cache::Residency residency_;
-  Set known_, parked_, was_read_, due_;
-  std::array<Waiting, kRayKinds> waiting_;
-};
-
 // Attribute blocks: one sweep a wave.
 class ReplayBlocks {
  public:
@@ -176,10 +73,9 @@ class ReplayBlocks {
         residency_(log.attribute_bytes, plan.attribute_bytes, plan.read_ahead_bytes),
         was_read_(log.attribute_bytes.size()) {}
 
-  ReplayRead sweep(const List& begun, const List& going_on) {
+  ReplayRead sweep(const List& waves) {
     Set needed(log_.attribute_bytes.size());
-    for (const uint32_t w : begun) add(log_.waves[w].attribute_blocks, needed);
-    for (const uint32_t w : going_on) add(log_.waves[w].attribute_blocks, needed);
+    for (const uint32_t w : waves) add(log_.waves[w].attribute_blocks, needed);
     ReplayRead read;
     for (uint32_t block = 0; block < needed.size(); ++block) {
       if (!needed[block]) continue;
@@ -247,15 +143,21 @@ Status check(const AccessLog& log, const Plan& plan) {
 class Replayer {
  public:
   Replayer(const AccessLog& log, std::vector<WaveSamples> samples, const Plan& plan, const ReadCosts& costs)
-      : ranges_(log), costs_(costs), pages_(log, std::move(samples), plan), blocks_(log, plan), waves_(log, plan) {
+      : log_(log),
+        ranges_(log),
+        costs_(costs),
+        pages_(log, std::move(samples), plan),
+        blocks_(log, plan),
+        waves_(log, plan) {
     replay_.plan = plan;
   }
 
   Replay run() {
     for (ReplayWave wave; waves_.next(wave); waves_.advance()) {
       const List begun = ranges_.waves_of(wave.begun), going_on = ranges_.waves_after(wave.going_on);
+      if (wave.swept_rays > 0) count(pages_.sweep_lot(), wave.swept_rays);
       trace(wave, begun, going_on);
-      const ReplayRead read = blocks_.sweep(begun, going_on);
+      const ReplayRead read = blocks_.sweep(shaded_like(wave, begun, going_on));
       replay_.attribute_bytes += read.bytes();
       // Blocks are not gone through when they are new, as pages are.
       replay_.io_seconds += static_cast<double>(read.bytes()) * costs_.again;
@@ -266,27 +168,47 @@ class Replayer {
   }
 
  private:
+  // Blocks are known of whole waves of the log, of all their rays: where those in which the wave's paths began had as
+  // many as it has, they are enough.
+  [[nodiscard]] List shaded_like(const ReplayWave& wave, const List& begun, const List& going_on) const {
+    double paths = 0;
+    for (const uint32_t w : begun) paths += static_cast<double>(log_.waves[w].facts.path_count);
+    if (paths >= kMostOfAWave * wave.paths()) return begun;
+    List all;
+    std::ranges::set_union(begun, going_on, std::back_inserter(all));
+    return all;
+  }
+
   void trace(const ReplayWave& wave, const List& begun, const List& going_on) {
-    pages_.begin(begun, going_on);
-    const double camera = pages_.waiting(RayKind::camera).share(), later = pages_.waiting(RayKind::continued).share();
-    const double shadow = pages_.waiting(RayKind::shadow).share();
-    const double paths = wave.camera_paths * camera + wave.later_paths * later, shadows = wave.shadows * shadow;
-    if (pages_.any_due() && waves_.may_park(wave, paths, shadows)) {
-      pages_.park();
-      waves_.park(wave, camera, later, shadow);
-      replay_.parked_rays += paths + shadows;
-      return;
-    }
-    if (wave.unparked > 0) pages_.unpark();
-    const ReplayRead read = pages_.sweep();
-    pages_.rebalance();
+    pages_.begin(begun, going_on, {wave.camera_paths, wave.later_paths, wave.shadows});
+    const bool parks = replay_.plan.parked_rays > 0;
+    const double parked = parks ? park(wave) : 0;
+    const auto [camera, continued, shadow] = pages_.waiting();
+    count(pages_.sweep(), camera + continued + shadow - parked);
+    // As the renderer does: else all that is wanted is asked for when the lot is swept.
+    if (!parks) pages_.rebalance();
+  }
+
+  // How many rays leave the wave.
+  double park(const ReplayWave& wave) {
+    const auto [camera, continued, shadow] = pages_.choose_late();
+    if (!waves_.has_room(camera + continued, shadow)) return 0;  // all is read in the wave
+    const auto [cameras, later, shadows] = pages_.park();
+    const auto share = [](double some, double all) { return all > 0 ? some / all : 0; };
+    waves_.park(share(cameras, wave.camera_paths), share(later, wave.later_paths), share(shadows, wave.shadows));
+    replay_.parked_rays += cameras + later + shadows;
+    return cameras + later + shadows;
+  }
+
+  void count(const ReplayRead& read, double rays) {
     replay_.page_bytes += read.bytes(), replay_.page_sweeps += read.bytes() > 0 ? 1 : 0;
-    replay_.waiting_rays += paths + shadows + wave.unparked;
+    replay_.waiting_rays += rays;
     const auto first = static_cast<double>(read.first_bytes), again = static_cast<double>(read.again_bytes);
     replay_.io_seconds += first * costs_.first + again * costs_.again;
     replay_.compute_seconds += again * costs_.compute;
   }
 
+  const AccessLog& log_;
   const LogRanges ranges_;
   const ReadCosts costs_;
   ReplayPages pages_;

@@ -8,12 +8,13 @@
 //
 // How: a wave of the plan begins the next paths of the log's order, as many as its size leaves room for; what its
 // camera rays need is what those of the same paths needed, and what its other rays need is what those of the paths of
-// the waves before needed. Samples of single rays tell how many rays wait for pages that are not in memory, and so
-// whether they are parked or sweep, and what occluded shadow rays need. Reads then follow from the policy of residency
-// itself (cache/residency.h). Compute is the log's own, without what logging took; a byte that is read again costs what
-// the log's probe measured: time, and processors that tracing does not have. Limits: waves smaller than those of the
-// log need less than is known of them (`finer_than_log`): log with small waves, which is what an unlimited budget
-// plans. Textures and volumes are not replayed.
+// the waves before needed. Samples of single rays, drawn to the wave's counts, tell how many rays visit each page that
+// is not in memory: whether it is read at once, which rays are parked, and what all in the lot need when it is swept.
+// Reads then follow from the policy of residency itself (cache/residency.h). Compute is the log's own, without what
+// logging took; a byte that is read again costs what the log's probe measured: time, and processors that tracing does
+// not have. Limits: waves smaller than those of the log need less than is known of them (`finer_than_log`): log with
+// small waves, which is what an unlimited budget plans. A ray that meets a page from several instances counts once.
+// Textures and volumes are not replayed.
 
 #include <string>
 #include <vector>
@@ -30,7 +31,7 @@ struct ReplayRates {
 struct Replay {
   Plan plan;
   uint64_t wave_count = 0, page_bytes = 0, attribute_bytes = 0, spill_bytes = 0;
-  uint64_t page_sweeps = 0;                                 // waves that read pages
+  uint64_t page_sweeps = 0;                                 // of waves and of the lot, that read pages
   double parked_rays = 0, waiting_rays = 0;                 // times that rays were parked, and that they swept
   double compute_seconds = 0, io_seconds = 0, seconds = 0;  // io: what is waited for
   bool finer_than_log = false;

@@ -3,8 +3,8 @@
 // The loop of the renderer with counts for rays: which paths of a frame make which wave, given a plan.
 //
 // Owns: groups of paths that began together. Order: serial. Based on: render_image.cpp, whose rules these are: waves
-// are topped up from open epochs, which close when their last path ends; rays that wait for pages are parked, and come
-// back when many are, when a wave was not full, or when nothing else is left.
+// take back rays of the lot that were traced, then camera paths of open epochs, which close when their last ray ends;
+// the lot is swept when it is nearly full, or when nothing else is left.
 
 #include <array>
 #include <vector>
@@ -22,9 +22,8 @@ struct PathRange {
 struct ReplayWave {
   PathRange begun;
   std::vector<PathRange> going_on;  // of those that are still on their way: the youngest, which stand for all
-  double camera_paths = 0, later_paths = 0, shadows = 0;  // without what was parked before
-  double unparked = 0;                                    // rays that were
-  bool sweeps = false;                                    // it does not park
+  double camera_paths = 0, later_paths = 0, shadows = 0;  // to be traced: without those that came back
+  double swept_rays = 0;                                  // of the lot, before this wave
   [[nodiscard]] double paths() const { return camera_paths + later_paths; }
 };
 
@@ -42,10 +41,10 @@ class ReplayWaves {
 
   // The next wave; false when all paths have ended.
   bool next(ReplayWave& wave);
-  // Whether so many rays of this wave may leave it.
-  [[nodiscard]] bool may_park(const ReplayWave& wave, double paths, double shadows) const;
-  // These shares of it wait for pages, and leave it.
-  void park(const ReplayWave& wave, double camera_share, double later_share, double shadow_share);
+  // Whether the lot takes so many rays.
+  [[nodiscard]] bool has_room(double paths, double shadows) const;
+  // These shares of the wave go there.
+  void park(double camera_share, double later_share, double shadow_share);
   // The wave was traced and shaded.
   void advance();
 
@@ -57,21 +56,28 @@ class ReplayWaves {
     uint32_t age = 0;  // bounces
     uint32_t half = 0;
   };
-  void unpark(ReplayWave& wave);
+  using Groups = std::vector<PathGroup>;
+  using OfHalf = std::array<double, 2>;
+  static double sum(const Groups& groups);
+  static double sum(const OfHalf& counts) { return counts[0] + counts[1]; }
+  static void merge(Groups& groups);
+  [[nodiscard]] std::vector<PathRange> youngest_ranges() const;
+  void sweep_lot(ReplayWave& wave);
+  void take_back();
   void top_up(ReplayWave& wave);
   void close_epochs();
-  [[nodiscard]] double live() const;
+  [[nodiscard]] bool has_traced() const;
+  [[nodiscard]] bool is_empty() const;
 
   const PathRates rates_;
   const double wave_paths_, park_limit_, pixels_;
   const uint32_t max_depth_;
   EpochSchedule schedule_;
-  std::vector<PathGroup> groups_, parked_;
-  double parked_paths_ = 0, parked_shadows_ = 0;
-  double next_shadows_ = 0;
+  // Of the wave, to be traced and traced before; of the lot, the same.
+  Groups groups_, back_, parked_, traced_;
+  OfHalf shadows_ = {}, back_shadows_ = {}, parked_shadows_ = {}, traced_shadows_ = {};
   double begun_ = 0, left_ = 0;  // of the epoch whose paths begin
   uint32_t half_ = 0;
-  bool starves_ = false;
 };
 
 }  // namespace spillway::pipeline

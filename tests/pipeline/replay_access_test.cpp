@@ -33,12 +33,14 @@ class ReplayAccess : public testing::Test {
     }
   }
   Replay replay(uint64_t page_bytes, const ReplayRates& rates = {}) {
-    const auto got = replay_access(log_, {.wave_paths = 100, .page_bytes = page_bytes, .spill = 0}, rates);
+    const auto got = replay_access(
+        log_, {.wave_paths = 100, .page_bytes = page_bytes, .spill = 0, .parked_rays = lot_, .park_pairs = 50}, rates);
     EXPECT_TRUE(got) << got.error().message;
     return *got;
   }
 
   AccessLog log_;
+  uint64_t lot_ = 100;                                            // of each kind
   static constexpr uint64_t kAll = 4 * kPage, kRing = 2 * kPage;  // all pages; none that stays
 };
 
@@ -59,8 +61,7 @@ TEST_F(ReplayAccess, where_many_rays_wait_every_wave_sweeps) {
   EXPECT_EQ(r.waiting_rays, 200);
 }
 
-// A quarter of a wave's paths may be parked.
-TEST_F(ReplayAccess, where_few_wait_they_are_parked_and_share_a_sweep) {
+TEST_F(ReplayAccess, pages_that_few_wait_for_are_read_for_all_of_the_lot_at_once) {
   add_two_waves(10);
   const Replay r = replay(kRing);
   EXPECT_EQ(r.page_bytes, 3 * kPage);
@@ -70,11 +71,52 @@ TEST_F(ReplayAccess, where_few_wait_they_are_parked_and_share_a_sweep) {
   EXPECT_EQ(r.wave_count, 3u);  // the last one is of those that were parked
 }
 
-TEST_F(ReplayAccess, rays_beyond_what_may_be_parked_sweep_at_once) {
-  add_two_waves(15);  // the second fifteen find room for ten
+// Page 0 serves all rays, of which some wait for another one as well: then both are visited once more.
+TEST_F(ReplayAccess, pages_that_many_wait_for_are_read_in_their_wave) {
+  for (const uint32_t page : {1u, 2u})
+    add_wave({0, page}, {{{RayKind::camera, {0}, {}}, 90}, {{RayKind::camera, {0, page}, {}}, 10}});
   const Replay r = replay(kRing);
-  EXPECT_EQ(r.parked_rays, 15);
+  EXPECT_EQ(r.page_bytes, (1 + 1 + 3) * kPage);
+  EXPECT_EQ(r.page_sweeps, 3u);
+  EXPECT_EQ(r.parked_rays, 20);
+}
+
+TEST_F(ReplayAccess, where_the_lot_has_no_room_for_them_all_is_read_in_the_wave) {
+  lot_ = 15;
+  add_two_waves(10);
+  const Replay r = replay(kRing);
+  EXPECT_EQ(r.parked_rays, 10);
+  EXPECT_EQ(r.page_bytes, 4 * kPage);
   EXPECT_EQ(r.page_sweeps, 2u);
+}
+
+// Of the second wave 18 rays come back, so that it begins 82 of which 15 wait; 3 of the third, of 18 that are left.
+TEST_F(ReplayAccess, a_lot_that_is_nearly_full_is_swept_and_comes_back) {
+  lot_ = 20;
+  add_two_waves(18);
+  const Replay r = replay(kRing);
+  EXPECT_EQ(r.parked_rays, 18 + 15 + 3);
+  EXPECT_EQ(r.page_sweeps, 2u);
+  EXPECT_EQ(r.page_bytes, 4 * kPage);
+  EXPECT_EQ(r.wave_count, 4u);
+}
+
+// What is behind a hit is late, its own page is not: nothing waits when that was read.
+TEST_F(ReplayAccess, rays_that_hit_in_their_wave_are_not_parked) {
+  add_wave({1}, {{{RayKind::camera, {1}, {1, 2}}, 20}, {{RayKind::camera, {1}, {1}}, 80}});
+  log_.facts.scene.samples_per_pixel = 1;
+  const Replay r = replay(kRing);
+  EXPECT_EQ(r.parked_rays, 0);
+  EXPECT_EQ(r.page_bytes, kPage);
+}
+
+// Of a log of one ray in two no sample met page 3.
+TEST_F(ReplayAccess, pages_that_no_sample_needs_are_needed_all_the_same) {
+  add_wave({0, 3}, {{{RayKind::camera, {0}, {}}, 50}});
+  log_.facts.scene.samples_per_pixel = 1;
+  EXPECT_EQ(replay(kAll).page_bytes, kPage);
+  log_.facts.sampled_of = 2;
+  EXPECT_EQ(replay(kAll).page_bytes, 2 * kPage);
 }
 
 // Rays that hit in page 1, behind which are 2 and 3.
@@ -117,7 +159,7 @@ TEST_F(ReplayAccess, boxes_are_needed_until_their_page_is_read) {
 TEST_F(ReplayAccess, more_memory_never_reads_more) {
   for (uint32_t wave = 0; wave < 8; ++wave) {
     log_.facts.scene.samples_per_pixel = 8;
-    add_wave({wave % 2, 2, 3}, {{{RayKind::camera, {2}, {}}, 100}});
+    add_wave({wave % 2, 2, 3}, {{{RayKind::camera, {wave % 2, 2, 3}, {}}, 100}});
   }
   uint64_t before = UINT64_MAX;
   for (uint64_t pages = 2; pages <= 4; ++pages) {
