@@ -14,7 +14,8 @@
 // logging took; a byte that is read again costs what the log's probe measured: time, and processors that tracing does
 // not have. Limits: waves smaller than those of the log need less than is known of them (`finer_than_log`): log with
 // small waves, which is what an unlimited budget plans. A ray that meets a page from several instances counts once.
-// Textures and volumes are not replayed.
+// Paths that come back from the lot go on as others do, though they lie where less is in memory. Textures and volumes
+// are not replayed.
 
 #include <string>
 #include <vector>
