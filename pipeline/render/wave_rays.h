@@ -107,7 +107,7 @@ class WaveRays {
   }
   // The pages that are traced before the sweep.
   [[nodiscard]] cache::ResidentPages known() const {
-    if (goes_on_) return pages_.kept();
+    if (goes_on_ && absent_.empty()) return pages_.kept();
     return absent_.empty() ? pages_.resident() : cache::ResidentPages{absent_.data()};
   }
   void keep_hit(uint32_t ray, const cache::TraceHit& hit) const;

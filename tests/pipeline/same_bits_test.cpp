@@ -277,6 +277,10 @@ TEST_F(SameBits, when_rays_that_wait_for_pages_are_parked_and_when_not) {
   EXPECT_EQ(render(o, 2).report.image_hash, hash_);
   o.page_tops = true, o.top_up_waves = false;
   EXPECT_EQ(render(o, 2).report.image_hash, hash_);
+  o.top_up_waves = true, o.resident_first = false;
+  const RenderedImage all_swept = render(o, 2);
+  EXPECT_EQ(all_swept.report.image_hash, hash_);
+  EXPECT_GT(all_swept.report.trace.parked_count, 100u);
   o.cost_layers = true;
   EXPECT_EQ(render(o, 2).report.image_hash, hash_);
 }
