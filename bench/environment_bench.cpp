@@ -12,6 +12,7 @@
 #include <numeric>
 #include <random>
 
+#include "bench/support/or_give_up.h"
 #include "cache/base/parallel.h"
 #include "cache/texture_cache.h"
 #include "pipeline/pack/scene_packer.h"
@@ -23,19 +24,6 @@ namespace {
 
 namespace fs = std::filesystem;
 using Clock = std::chrono::steady_clock;
-
-[[noreturn]] void give_up(const Error& error) {
-  fmt::print(stderr, "environment_bench: {}\n", error.message);
-  std::exit(1);
-}
-template <class T>
-T value_of(Result<T> result) {
-  if (!result) give_up(result.error());
-  return std::move(*result);
-}
-void check(const Status& status) {
-  if (!status) give_up(status.error());
-}
 
 // A sky with clouds of some contrast, and a sun of some thousand times the sky that holds half of the light.
 void write_sky(const fs::path& path, uint32_t size) {

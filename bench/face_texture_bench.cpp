@@ -13,6 +13,7 @@
 #include <map>
 #include <random>
 
+#include "bench/support/or_give_up.h"
 #include "cache/base/parallel.h"
 #include "cache/facetex_writer.h"
 #include "cache/texture_cache.h"
@@ -29,19 +30,6 @@ using cache::FaceTexCodec;
 using Clock = std::chrono::steady_clock;
 
 double seconds_since(Clock::time_point start) { return std::chrono::duration<double>(Clock::now() - start).count(); }
-
-[[noreturn]] void give_up(const Error& error) {
-  fmt::print(stderr, "face_texture_bench: {}\n", error.message);
-  std::exit(1);
-}
-template <class T>
-T value_of(Result<T> result) {
-  if (!result) give_up(result.error());
-  return std::move(*result);
-}
-void check(const Status& status) {
-  if (!status) give_up(status.error());
-}
 
 // What faces are painted with: noise that hardly compresses, or the city's walls at 16 texels a metre.
 enum class Paint { noise, walls };

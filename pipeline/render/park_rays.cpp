@@ -13,6 +13,7 @@ namespace spillway::pipeline {
 namespace {
 
 constexpr size_t kBlock = 2048;
+constexpr size_t kBatch = 8 * kBlock;
 constexpr size_t kPrefetch = 8;  // rays ahead: slots lie in another order
 
 bool waits(const cache::TraceHit& hit) { return (hit.flags & cache::kHitWaits) != 0; }
@@ -95,10 +96,23 @@ Status ParkedColumn<Record>::give_back(RayColumns<Record>& wave, std::span<cache
   SPILLWAY_CHECK(count, <=, traced_count());
   SPILLWAY_CHECK(held + count, <=, wave.hot.capacity());
   wave.hot.set_size(held + count);
+  // The records in batches: they are copied once more, into the stream.
+  Buffer<Record> records(MemoryTag::paths, std::min(count, kBatch));
+  for (size_t start = 0; start < count; start += kBatch) {
+    const size_t in_batch = std::min(kBatch, count - start);
+    copy_next({wave.hot.data() + held + start, in_batch}, hits.subspan(start, in_batch),
+              costs.empty() ? costs : costs.subspan(start, in_batch), records);
+    SPILLWAY_TRY(wave.cold.append({records.data(), in_batch}));
+  }
+  return {};
+}
+
+template <class Record>
+void ParkedColumn<Record>::copy_next(std::span<cache::TraceRay> rays, std::span<cache::TraceHit> hits,
+                                     std::span<RayCost> costs, std::span<Record> records) {
   const uint32_t* const slots = by_hit_.data() + given_;
-  Buffer<Record> records(MemoryTag::paths, count);
   std::array<std::atomic<uint64_t>, 2> of_half = {0, 0};
-  parallel_blocks(count, kBlock, [&](size_t, size_t first, size_t last) {
+  parallel_blocks(rays.size(), kBlock, [&](size_t, size_t first, size_t last) {
     std::array<uint64_t, 2> of_block = {0, 0};
     for (size_t i = first; i < last; ++i) {
       if (i + kPrefetch < last) {
@@ -106,15 +120,14 @@ Status ParkedColumn<Record>::give_back(RayColumns<Record>& wave, std::span<cache
         __builtin_prefetch(&rays_[ahead]), __builtin_prefetch(&hits_[ahead]), __builtin_prefetch(&records_[ahead]);
       }
       const uint32_t slot = slots[i];
-      wave.hot[held + i] = rays_[slot], hits[i] = hits_[slot], records[i] = records_[slot];
+      rays[i] = rays_[slot], hits[i] = hits_[slot], records[i] = records_[slot];
       if (!costs.empty()) costs[i] = costs_[slot];
       ++of_block[records[i].sample & 1];
     }
     for (const int half : {0, 1}) of_half[half] += of_block[half];
   });
   for (const int half : {0, 1}) of_half_[half] -= of_half[half];
-  given_ += count;
-  return wave.cold.append({records.data(), count});
+  given_ += rays.size();
 }
 
 template class ParkedColumn<PathRecord>;

@@ -12,8 +12,8 @@
 // Memory: tags rays and paths, for each of `limit` rays of each kind, at birth; while a sweep is on,
 //         what trace_rays and sort_rays take besides.
 // Order: which wave a ray is in, and in which it is traced, shows nowhere.
-// Why: a wave in memory is a few hundred thousand paths at 640 bytes each, and a sweep reads most of the pages that are
-//      not there, however few rays need them. A ray in the lot takes a sixth of that.
+// Why: a wave in memory is some hundred thousand paths at 640 bytes each, and a sweep reads most of the pages that are
+//      not there, however few rays need them. A path and a shadow ray in the lot take 276, those of the sweep included.
 // Based on: the ray queues of Pharr et al. 1997, kept for all pages together instead of one a voxel.
 
 #include <algorithm>
@@ -66,6 +66,9 @@ class ParkedColumn {
   Status give_back(RayColumns<Record>& wave, std::span<cache::TraceHit> hits, std::span<RayCost> costs);
 
  private:
+  // Copies out the rays that are given back next, as many as there are places.
+  void copy_next(std::span<cache::TraceRay> rays, std::span<cache::TraceHit> hits, std::span<RayCost> costs,
+                 std::span<Record> records);
   [[nodiscard]] size_t free_slot(size_t which) const {
     const size_t freed = given_ - refilled_;
     return which < freed ? by_hit_[refilled_ + which] : end_ + which - freed;
