@@ -246,15 +246,16 @@ std::string describe(const Plan& p) {
     return fmt::format("{}{}", bytes_text(bytes), all ? " (all of it)" : " (the rest is swept)");
   };
   return fmt::format(
-      "wave          {} paths, {}\n"
+      "wave          {} paths, {}\n{}"
       "pages         {}\n"
       "attributes    {}\n"
       "textures      {}\n{}"
       "rays          {}\n"
       "memory        {}\n"
       "predicted     {:.1f} s, {} waves, {} of pages, {} spilled, {} of scratch\n",
-      p.wave_paths, p.spills ? "spilled to scratch" : "in memory", share(p.page_bytes, p.pages_fit),
-      share(p.attribute_bytes, p.attributes_fit), share(p.texture_bytes, p.textures_fit),
+      p.wave_paths, p.spills ? "spilled to scratch" : "in memory",
+      p.parked_rays > 0 ? fmt::format("parked        {} rays of each kind may wait for pages\n", p.parked_rays) : "",
+      share(p.page_bytes, p.pages_fit), share(p.attribute_bytes, p.attributes_fit), share(p.texture_bytes, p.textures_fit),
       p.volume_bytes > 0 ? fmt::format("volumes       {}\n", share(p.volume_bytes, p.volumes_fit)) : "", bytes_text(p.ray_bytes),
       bytes_text(p.memory_bytes), p.predicted_seconds, p.predicted_waves, bytes_text(p.predicted_page_bytes),
       bytes_text(p.predicted_spill_bytes), bytes_text(p.predicted_scratch_bytes));

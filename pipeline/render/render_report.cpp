@@ -18,6 +18,7 @@ json parts_json(const cache::PartStoreCounters& c) {
 
 json plan_json(const Plan& p) {
   return {{"wave_paths", p.wave_paths},
+          {"parked_rays", p.parked_rays},
           {"spills", p.spills},
           {"page_bytes", p.page_bytes},
           {"attribute_bytes", p.attribute_bytes},
