@@ -12,8 +12,8 @@ out=$(realpath -m "$1")
 shift
 spillway=${SPILLWAY:-$root/build/spillway}
 buildings=${BUILDINGS:-1000}
-# By day for the peers, tessellated (Mitsuba 3 has no subdivision surfaces, and no lamps in instances); at night, with
-# lamps by the thousand and what is round as cages, for the laboratory.
+# By day for the peers, tessellated and with hardly an instance (Mitsuba 3 has no subdivision surfaces, no lamps in instances,
+# and compiles each of them); at night, with lamps by the thousand and what is round as cages, for the laboratory.
 make_city() {
   local folder=$out/$1_$buildings
   shift
@@ -24,7 +24,7 @@ make_city() {
   fi
 }
 mkdir -p "$out"
-make_city day --time day --tessellate
+make_city day --time day --tessellate --terrain flat --trees 0 --cars 0 --street-lights 0 --texels-per-metre 0
 make_city night --time night
 # shellcheck disable=SC2086
 python3 "$root/bench/peers.py" -o "$out/peers.csv" --city "$out/day_$buildings" --spillway "$spillway" ${PEERS_OPTIONS:-}

@@ -2,14 +2,17 @@
 """Other renderers on the same work in the same run: what `spillway lab --peers` shows.
 
 usage: bench/peers.py -o peers.csv [--spp 16,64,256] [--seeds 3] [--scenes box,lamps] [--city FOLDER]
-                      [--variants llvm_ad_rgb,scalar_rgb] [--spillway build/spillway]
+                      [--variants llvm_ad_rgb,llvm_ad_rgb-unmerged,scalar_rgb] [--spillway build/spillway]
 
-The scenes are those of tests/twins, written for both renderers, held against tests/images; with --city also a folder
-of `spillway city --tessellate`, converted by tools/city_to_mitsuba.py, held against Mitsuba's own picture of
---reference-spp samples with another seed: materials differ a little between the two, so that an error against either
-one's picture favours it. Renderers take turns, each in a process of its own, whose highest resident set is taken.
-Seconds are those of the second of two renders of one process for Mitsuba, whose first one compiles, and of the frame
-for Spillway.
+The scenes are those of tests/twins, written for both renderers, held against tests/images. With --city also a folder of
+`spillway city --tessellate --trees 0 --cars 0`, converted by tools/city_to_mitsuba.py (what instances are left become
+meshes) and held against Mitsuba's own picture of --reference-spp samples with another seed: materials differ a little
+between the two, so that an error against either one's picture favours it. Both filter by a box: through a Gaussian a
+sample of Mitsuba's counts for the pixels around it too, which blurs noise, and one of Spillway's does not.
+
+Renderers take turns, each in a process of its own, whose highest resident set is taken. Seconds are those of the second
+of two renders of one process for Mitsuba, whose first one compiles, and of the frame for Spillway. A variant that ends
+in -unmerged is for cities: their meshes stay as they are, where Mitsuba else merges those of one material.
 
 A variant that does not run is left out with a line. Without the package mitsuba (pip install mitsuba numpy OpenEXR) it
 says so and writes the header alone.
@@ -27,6 +30,7 @@ import tempfile
 import time
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent
+UNMERGED = '-unmerged'
 HEADER = 'scene,renderer,spp,seed,seconds,peak_bytes,rel_mse,flip'
 
 
@@ -44,9 +48,9 @@ def child_mitsuba(job):
     import mitsuba as mi
     import numpy as np
     import OpenEXR
-    mi.set_variant(job['variant'])
+    mi.set_variant(job['variant'].removesuffix(UNMERGED))
     if 'city' in job:
-        scene = mi.load_file(job['city'])
+        scene = mi.load_file(job['city'], optimize=not job['variant'].endswith(UNMERGED))
     else:
         integrator = {'type': 'path', 'max_depth': 65}
         scene = mi.load_dict({'type': 'scene', 'integrator': integrator, **twin_scenes(mi)[job['scene']]})
@@ -116,19 +120,22 @@ class Table:
             self.add(name, 'Spillway', job, reference,
                      spillway(self.arguments.spillway, scene, os.path.join(self.work, name + '.store'), job))
             for variant in self.arguments.variants:
+                if variant.endswith(UNMERGED):
+                    continue
                 measured = mitsuba({**job, 'scene': name, 'variant': variant})
                 self.add(name, 'Mitsuba 3 ' + variant, job, reference, measured)
 
     def city(self, folder):
         xml, reference = os.path.join(self.work, 'city.xml'), os.path.join(self.work, 'reference.exr')
         resolution = ['--resolution', self.arguments.resolution]
+        scene = pathlib.Path(folder, 'peers.pbrt')
+        scene.write_text('PixelFilter "box"\nInclude "city.pbrt"\n')
         converter = str(ROOT / 'tools' / 'city_to_mitsuba.py')
-        subprocess.run([sys.executable, converter, folder, '-o', xml, *resolution], check=True)
+        subprocess.run([sys.executable, converter, folder, '-o', xml, '--expand-instances', '--filter', 'box', *resolution], check=True)
         mitsuba({'city': xml, 'variant': self.arguments.variants[0], 'spp': self.arguments.reference_spp, 'seed': 77,
                  'output': reference})
         for job in self.jobs():
-            measured = spillway(self.arguments.spillway, os.path.join(folder, 'city.pbrt'),
-                                os.path.join(self.work, 'city.store'), job, resolution)
+            measured = spillway(self.arguments.spillway, scene, os.path.join(self.work, 'city.store'), job, resolution)
             self.add('city', 'Spillway', job, reference, measured)
             for variant in self.arguments.variants:
                 measured = mitsuba({**job, 'city': xml, 'variant': variant})
@@ -139,16 +146,17 @@ def main():
     if len(sys.argv) == 3 and sys.argv[1] == '--child':
         return child_mitsuba(json.loads(sys.argv[2]))
     numbers = lambda text: [int(v) for v in text.split(',')]
-    names = lambda text: text.split(',')
+    names = lambda text: [name for name in text.split(',') if name]
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument('-o', '--output', required=True)
     parser.add_argument('--spp', type=numbers, default=[16, 64, 256])
     parser.add_argument('--seeds', type=int, default=3)
-    parser.add_argument('--scenes', type=names, default=['box', 'lamps', 'plastic', 'texture'], help='of tests/twins')
+    parser.add_argument('--scenes', type=names, default=['box', 'lamps', 'plastic', 'texture'], help='of tests/twins; an empty one for none')
     parser.add_argument('--city', help='a folder of `spillway city --tessellate`')
     parser.add_argument('--resolution', default='640x360', help='of the city')
     parser.add_argument('--reference-spp', type=int, default=1024, help='of the city')
-    parser.add_argument('--variants', type=names, default=['llvm_ad_rgb', 'scalar_rgb'])
+    parser.add_argument('--variants', type=names, default=['llvm_ad_rgb', 'scalar_rgb'],
+                        help='of Mitsuba, whose llvm ones want LLVM 16 or newer (DRJIT_LIBLLVM_PATH)')
     parser.add_argument('--spillway', default=str(ROOT / 'build' / 'spillway'))
     arguments = parser.parse_args()
     missing = [name for name in ('mitsuba', 'numpy', 'OpenEXR') if importlib.util.find_spec(name) is None]

@@ -1,10 +1,11 @@
 #!/usr/bin/env python3
 """Converts the pbrt text that `spillway city --tessellate` writes into a scene of Mitsuba 3.
 
-usage: tools/city_to_mitsuba.py CITY_FOLDER [-o scene.xml] [--spp N] [--resolution WxH]
+usage: tools/city_to_mitsuba.py CITY_FOLDER [-o scene.xml] [--spp N] [--resolution WxH] [--filter box] [--expand-instances]
 
 Reads the directives that the generator writes, and no others. Differences: leaves reflect on both sides and let no light
 through (Mitsuba 3 has no diffuse transmission); coats are its `plastic`, with internal reflections.
+Variants on LLVM compile each instance (2,529 took more than four minutes and 11 GiB): --expand-instances makes meshes of them.
 The sky is resampled from the equal-area octahedral image into latitude and longitude; this needs numpy and mitsuba.
 """
 import argparse
@@ -122,14 +123,31 @@ class Converter:
         self.folder, self.arguments = folder, arguments
         self.head, self.body = [], []
         self.material, self.emission, self.transform, self.group = None, None, None, None
+        self.objects, self.group_name = {}, None
         self.stack, self.film, self.fov, self.look_at, self.depth, self.spp = [], (1280, 720), 40, None, 5, 16
 
-    def shape(self, file):
-        emitter = '<emitter type="area">%s</emitter>' % rgb('radiance', self.emission) if self.emission else ''
+    # part: material, emission, file.
+    def shape(self, part, transform=''):
+        material, emission, file = part
+        emitter = '<emitter type="area">%s</emitter>' % rgb('radiance', emission) if emission else ''
         name = os.path.abspath(os.path.join(self.folder, file))
         normals = b'property float nx' not in open(name, 'rb').read(512)
         return ('<shape type="ply"><string name="filename" value="%s"/><boolean name="face_normals" value="%s"/>'
-                '<ref id="%s"/>%s</shape>') % (name, 'true' if normals else 'false', self.material, emitter)
+                '<ref id="%s"/>%s%s</shape>') % (name, 'true' if normals else 'false', material, emitter, transform)
+
+    # An object's name may be a material's too.
+    def end_object(self):
+        self.objects[self.group_name], self.group = self.group, None
+        if not self.arguments.expand_instances:
+            shapes = ''.join(self.shape(part) for part in self.objects[self.group_name])
+            self.body.append('<shape type="shapegroup" id="object_%s">%s</shape>' % (self.group_name, shapes))
+
+    def instance(self, name):
+        transform = '<transform name="to_world"><matrix value="%s"/></transform>' % ' '.join('%.9g' % v for v in self.transform)
+        if self.arguments.expand_instances:
+            self.body.extend(self.shape(part, transform) for part in self.objects[name])
+        else:
+            self.body.append('<shape type="instance"><ref id="object_%s"/>%s</shape>' % (name, transform))
 
     def add(self, name, plain, p):
         if name == 'LookAt':
@@ -156,18 +174,19 @@ class Converter:
             columns = [float(v) for v in plain[0]]
             self.transform = [columns[4 * c + r] for r in range(4) for c in range(4)]
         elif name == 'ObjectBegin':
-            self.group = ['<shape type="shapegroup" id="%s">' % plain[0]]
+            self.group, self.group_name = [], plain[0]
         elif name == 'ObjectEnd':
-            self.body.append(''.join(self.group) + '</shape>')
-            self.group = None
+            self.end_object()
         elif name == 'ObjectInstance':
-            matrix = ' '.join('%.9g' % v for v in self.transform)
-            self.body.append('<shape type="instance"><ref id="%s"/><transform name="to_world"><matrix value="%s"/></transform></shape>'
-                             % (plain[0], matrix))
+            self.instance(plain[0])
         elif name == 'Shape' and plain[0] != 'plymesh':
             sys.exit('city_to_mitsuba: %s has shapes "%s": generate it with --tessellate' % (self.folder, plain[0]))
         elif name == 'Shape':
-            (self.body if self.group is None else self.group).append(self.shape(p['filename']))
+            part = self.material, self.emission, p['filename']
+            if self.group is None:
+                self.body.append(self.shape(part))
+            else:
+                self.group.append(part)
         elif name == 'LightSource':
             self.light(plain[0], p)
         elif name not in ('WorldBegin', 'Scale'):
@@ -191,8 +210,8 @@ class Converter:
                   '<transform name="to_world"><lookat origin="%s" target="%s" up="%s"/></transform>'
                   '<sampler type="independent"><integer name="sample_count" value="%d"/></sampler>'
                   '<film type="hdrfilm"><integer name="width" value="%d"/><integer name="height" value="%d"/>'
-                  '<rfilter type="gaussian"/></film></sensor>'
-                  % (self.fov, view[0], view[1], view[2], self.arguments.spp or self.spp, width, height))
+                  '<rfilter type="%s"/></film></sensor>'
+                  % (self.fov, view[0], view[1], view[2], self.arguments.spp or self.spp, width, height, self.arguments.filter))
         integrator = '<integrator type="path"><integer name="max_depth" value="%d"/></integrator>' % (self.depth + 1)
         return '\n'.join(['<scene version="3.0.0">', integrator, sensor] + self.head + self.body + ['</scene>', ''])
 
@@ -203,6 +222,8 @@ def main():
     parser.add_argument('-o', '--output')
     parser.add_argument('--spp', type=int)
     parser.add_argument('--resolution', type=lambda text: tuple(int(v) for v in text.split('x')))
+    parser.add_argument('--filter', choices=['gaussian', 'box'], default='gaussian')
+    parser.add_argument('--expand-instances', action='store_true')
     arguments = parser.parse_args()
     import mitsuba as mi
     mi.set_variant('scalar_rgb')

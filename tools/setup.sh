@@ -1,12 +1,13 @@
 #!/bin/sh
 # Installs what Spillway builds with, where it is missing: Debian 12 or 13, as root or through sudo.
+# usage: tools/setup.sh [MORE PACKAGES]
 # Nothing is downloaded when everything is there.
 set -eu
 
 packages="cmake ninja-build g++ ccache python3
   libembree-dev libopenimageio-dev openimageio-tools libopenexr-dev libosd-dev libopenvdb-dev libnanovdb-dev
   libtbb-dev libboost-dev libcli11-dev nlohmann-json3-dev libfmt-dev libxxhash-dev zlib1g-dev liblz4-dev libzstd-dev
-  libgtest-dev libgmock-dev libbenchmark-dev"
+  libgtest-dev libgmock-dev libbenchmark-dev $*"
 
 missing=""
 for package in $packages; do

@@ -40,7 +40,7 @@ inline const test::FuzzFiles& scene_folder() {
 // Keeps no mesh, and is full after kMostTriangles, so that time goes into the reader.
 class FuzzSink : public RecordingSink {
  public:
-  static constexpr uint64_t kMostTriangles = 200000;
+  static constexpr uint64_t kMostTriangles = 20000;
   FuzzSink() { keep_meshes = false; }
   Result<TextureId> add_texture(const pipeline::TextureNode& node) override {
     expect_finite("a texture", node.value);
@@ -115,7 +115,7 @@ inline std::string fault_of_pbrt(std::string_view bytes) {
   ImportReport report;
   ImportOptions options;
   options.lenient = text.starts_with("#lenient");
-  options.most_diced_bytes = 4 << 20;
+  options.most_diced_bytes = 1 << 20;
   const Status status = import_pbrt(scene, sink, options, report);
   if (!sink.contract.empty()) return sink.contract;
   if (!status && !names_its_place(status.error().message, scene_folder().path().string()))

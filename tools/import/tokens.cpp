@@ -70,11 +70,13 @@ std::unique_ptr<Tokenizer> Tokenizer::from_text(std::string text, const std::str
 }
 
 Status Tokenizer::fill() {
-  piece_.resize(piece_.empty() ? kFirstPieceBytes : kPieceBytes);
-  piece_.resize(std::fread(piece_.data(), 1, piece_.size(), file_.get()));
+  const size_t asked = piece_.empty() ? kFirstPieceBytes : kPieceBytes;
+  piece_.resize(asked);
+  piece_.resize(std::fread(piece_.data(), 1, asked, file_.get()));
   next_byte_ = 0;
   read_failed_ = std::ferror(file_.get()) != 0;
   if (read_failed_) return error_at(here_, "cannot read on: {}", std::strerror(errno));
+  if (piece_.size() < asked) file_.reset();  // all of it was read: nothing is asked for again
   return {};
 }
 
