@@ -74,17 +74,8 @@ struct ByteSort::State {
     const uint64_t had = keys.capacity();
     if (wanted <= had) return;
     const uint64_t count = std::max(wanted, std::min(capacity, std::max<uint64_t>(2 * had, 4096)));
-    sorted = {}, pairs = {}, pair_scratch = {};  // first: old and new records together are less than these
-    Buffer<std::byte> more_records(options.tag, count * record_bytes);
-    Buffer<SortKey> more_keys(options.tag, count);
-    if (filled > 0) {
-      std::memcpy(more_records.data(), records.data(), filled * record_bytes);
-      std::memcpy(static_cast<void*>(more_keys.data()), keys.data(), filled * sizeof(SortKey));
-    }
-    records = std::move(more_records), keys = std::move(more_keys);
-    sorted = Buffer<std::byte>(options.tag, count * record_bytes);
-    pairs = Buffer<KeyIndex<uint64_t>>(options.tag, count);
-    pair_scratch = Buffer<KeyIndex<uint64_t>>(options.tag, count);
+    records.grow(options.tag, count * record_bytes), sorted.grow(options.tag, count * record_bytes);
+    keys.grow(options.tag, count), pairs.grow(options.tag, count), pair_scratch.grow(options.tag, count);
   }
 
   // Orders pairs by the whole key: radix on the high half, then each run of equal high halves by the low one.
@@ -127,7 +118,7 @@ struct ByteSort::State {
     SPILLWAY_TRY(parallel_status(block_count(blocks, request_blocks), [&](size_t r) -> Status {
       const uint64_t begin = r * request_blocks, end = std::min(begin + request_blocks, blocks);
       Buffer<std::byte>& request = thread_requests.local();
-      request.renew(MemoryTag::streams, (end - begin) * block_bytes);
+      request.grow(MemoryTag::streams, (end - begin) * block_bytes);
       for (uint64_t b = begin; b < end; ++b) {
         const uint64_t first = b * records_per_block;
         run.block_keys[b] = keys[pairs[first].index];
@@ -212,7 +203,7 @@ struct ByteSort::State {
     const Status status = parallel_status(places.size(), [&](size_t p) -> Status {
       const Place& place = places[p];
       Buffer<std::byte>& request = thread_requests.local();
-      request.renew(MemoryTag::streams, place.count * block_bytes);
+      request.grow(MemoryTag::streams, place.count * block_bytes);
       SPILLWAY_TRY(file->read(place.run->offset_bytes + place.index * block_bytes, {request.data(), place.count * block_bytes}));
       for (uint64_t b = 0; b < place.count; ++b) {
         SPILLWAY_ASSIGN(const Block content, checked(request.data() + b * block_bytes, *place.run, place.index + b));

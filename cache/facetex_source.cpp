@@ -174,7 +174,7 @@ Result<size_t> FaceTexSource::stage(std::span<const uint64_t> tiles, uint64_t li
     staged_at_.emplace_hint(staged_at_.end(), number, staged_bytes);
     staged_bytes += tile.size_bytes;
   }
-  staged_.renew(MemoryTag::textures, staged_bytes);
+  staged_.grow(MemoryTag::textures, staged_bytes);
   const Status read = parallel_status(runs.size(), [&](size_t i) {
     return file_.read(runs[i].offset, {staged_.data() + runs[i].place, runs[i].size});
   });

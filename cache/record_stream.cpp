@@ -116,7 +116,7 @@ struct ByteStream::State {
       return {};
     }
     Buffer<std::byte>& bytes = thread_blocks.local();
-    bytes.renew(MemoryTag::streams, block_bytes);
+    bytes.grow(MemoryTag::streams, block_bytes);
     SPILLWAY_TRY(read_block(block - resident.size(), bytes));
     copy_from(bytes);
     return {};

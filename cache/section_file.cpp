@@ -67,7 +67,7 @@ void SectionWriter::add_made(std::string name, uint64_t size_bytes, Make make) {
 
 Result<std::span<const std::byte>> SectionWriter::bytes_of(const Section& section, Buffer<std::byte>& made) {
   if (!section.make) return section.bytes;
-  made.renew(MemoryTag::streams, section.size_bytes);
+  made.grow(MemoryTag::streams, section.size_bytes);
   SPILLWAY_TRY(section.make(std::span(made.data(), section.size_bytes)));
   return std::span<const std::byte>(made.data(), section.size_bytes);
 }

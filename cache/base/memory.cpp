@@ -73,15 +73,17 @@ ResidentMemory resident_memory() {
   return result;
 }
 
+[[noreturn]] static void give_up(size_t size_bytes) {
+  fmt::print(stderr, "spillway: the system refused {} bytes of memory\n", size_bytes);
+  std::abort();
+}
+
 void* allocate_pages(size_t size_bytes) {
   // What can hold a large page of the processor begins at one: geometry, textures and film are met at random, and each
   // small page of theirs has to be searched for (1 to 2 % of a render of `bathroom`).
   const size_t slack = size_bytes >= kLargePage ? kLargePage : 0;
   void* mapped = mmap(nullptr, size_bytes + slack, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
-  if (mapped == MAP_FAILED) {
-    fmt::print(stderr, "spillway: the system refused {} bytes of memory\n", size_bytes);
-    std::abort();
-  }
+  if (mapped == MAP_FAILED) give_up(size_bytes);
   if (slack == 0) return mapped;
   const size_t size = whole_system_pages(size_bytes);
   const auto begin = reinterpret_cast<uintptr_t>(mapped);
@@ -92,6 +94,16 @@ void* allocate_pages(size_t size_bytes) {
   void* pages = reinterpret_cast<void*>(aligned);
   madvise(pages, size, MADV_HUGEPAGE);
   return pages;
+}
+
+void* grow_pages(void* pages, size_t size_bytes, size_t more_bytes) {
+  // To a place that begins at a large page where it can hold one: large pages then move as they are.
+  void* const place = allocate_pages(more_bytes);
+  const int flags = MREMAP_MAYMOVE | MREMAP_FIXED;
+  void* const moved = mremap(pages, whole_system_pages(size_bytes), whole_system_pages(more_bytes), flags, place);
+  if (moved == MAP_FAILED) give_up(more_bytes);
+  if (more_bytes >= kLargePage) madvise(moved, whole_system_pages(more_bytes), MADV_HUGEPAGE);
+  return moved;
 }
 
 void free_pages(void* pages, size_t size_bytes) { munmap(pages, size_bytes); }

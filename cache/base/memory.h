@@ -54,6 +54,8 @@ struct ResidentMemory {
 
 // Page-aligned memory straight from the system: what is freed leaves the resident set at once. Zeroed.
 [[nodiscard]] void* allocate_pages(size_t size_bytes);
+// The same memory and more, perhaps elsewhere: nothing is copied, what is new is zero.
+[[nodiscard]] void* grow_pages(void* pages, size_t size_bytes, size_t more_bytes);
 void free_pages(void* pages, size_t size_bytes);
 
 // An array of trivially copyable items, zero at birth, 4096-aligned, counted under its tag. Moves, does not copy.
@@ -89,11 +91,17 @@ class Buffer {
 
   // The count of items in use, within the capacity.
   void set_size(size_t size) { size_ = size; }
-  // Room for `capacity` items; what it held is gone when it has to grow.
-  void renew(MemoryTag tag, size_t capacity) {
+  // Room for `capacity` items, in use or not; those it has stay. Memory that was touched is not made zero again, which
+  // costs as much as writing it.
+  void grow(MemoryTag tag, size_t capacity) {
     if (capacity <= capacity_) return;
-    *this = Buffer();
-    *this = Buffer(tag, capacity);
+    if (data_ == nullptr) {
+      *this = Buffer(tag, capacity);
+      return;
+    }
+    data_ = static_cast<T*>(grow_pages(data_, capacity_ * sizeof(T), capacity * sizeof(T)));
+    memory_claim(tag_, (capacity - capacity_) * sizeof(T));
+    capacity_ = size_ = capacity;
   }
   void swap(Buffer& other) noexcept {
     std::swap(tag_, other.tag_), std::swap(size_, other.size_);

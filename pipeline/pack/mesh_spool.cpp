@@ -44,7 +44,7 @@ Result<MeshSpool> MeshSpool::create(cache::Scratch& scratch) {
 
 void MeshSpool::open_region(Lane& lane, uint64_t bytes) {
   const uint64_t size = aligned(std::max(bytes, kRegionBytes), kRegionBytes);
-  lane.buffer.renew(MemoryTag::pack, size);
+  lane.buffer.grow(MemoryTag::pack, size);
   lane.offset_bytes = end_bytes_;
   lane.used_bytes = 0;
   end_bytes_ += size;

@@ -2,8 +2,8 @@
 
 // Pairs of rays and pages, listed by page while they are found: each list is a ring of pieces of one pool.
 //
-// Owns: the pool and its links; the lists' heads (Cell) are the caller's.
-// Memory: tag rays, 8 bytes a pair and 4 a piece, all of it taken at birth; touched as pieces are begun, front to back.
+// Owns: nothing; memory (PairMemory) and the lists' heads (Cell) are the caller's.
+// Memory: tag rays, 8 bytes a pair and 4 a piece, all of it asked for at birth; touched as pieces are begun, front to back.
 // Threads: add() to different cells at once; the rest by one thread at a time, or reading only.
 // Fails: add() returns false when the pool is used up; what is listed is then of no use, counts go on with the caller.
 
@@ -28,14 +28,22 @@ struct Cell {
   uint32_t start, count;
 };
 
+// What pools of one wave after another are in: memory that was touched is not made zero again.
+struct PairMemory {
+  Buffer<Pair> pairs;
+  Buffer<uint32_t> links;  // of pieces
+};
+
 class PairPool {
  public:
   // Pieces are small against what a cell may expect, so that little of them stays empty.
-  PairPool(size_t pair_capacity, size_t cell_count)
+  PairPool(PairMemory& memory, size_t pair_capacity, size_t cell_count)
       : piece_pairs_(static_cast<uint32_t>(
-            std::bit_floor(std::clamp<size_t>(pair_capacity / (4 * cell_count + 1), kSmallestPiece, kLargestPiece)))),
-        pairs_(MemoryTag::rays, pair_capacity / piece_pairs_ * piece_pairs_),
-        next_(MemoryTag::rays, pair_capacity / piece_pairs_) {}
+            std::bit_floor(std::clamp<size_t>(pair_capacity / (4 * cell_count + 1), kSmallestPiece, kLargestPiece)))) {
+    const size_t pieces = pair_capacity / piece_pairs_;
+    memory.pairs.grow(MemoryTag::rays, pieces * piece_pairs_), memory.links.grow(MemoryTag::rays, pieces);
+    pairs_ = std::span(memory.pairs).first(pieces * piece_pairs_), next_ = std::span(memory.links).first(pieces);
+  }
 
   bool add(Cell& cell, Pair pair) {
     const uint32_t at = cell.count % piece_pairs_;
@@ -70,8 +78,8 @@ class PairPool {
 
   static constexpr size_t kSmallestPiece = 16, kLargestPiece = 512;
   uint32_t piece_pairs_ = kSmallestPiece;
-  Buffer<Pair> pairs_;
-  Buffer<uint32_t> next_;
+  std::span<Pair> pairs_;
+  std::span<uint32_t> next_;
   std::atomic<uint32_t> begun_ = 0;
 };
 

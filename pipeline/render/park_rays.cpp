@@ -77,13 +77,14 @@ ParkedBatch ParkedColumn<Record>::gather() {
 }
 
 template <class Record>
-void ParkedColumn<Record>::set_traced() {
+void ParkedColumn<Record>::set_traced(SortRaysScratch& scratch) {
   traced_ = end_, given_ = refilled_ = 0;
-  Buffer<cache::KeyIndex<uint32_t>> items(MemoryTag::rays, traced_), other(MemoryTag::rays, traced_);
+  scratch.grow(traced_);
+  const std::span items(scratch.items.data(), traced_);
   parallel_blocks(traced_, kBlock, [&](size_t, size_t first, size_t last) {
     for (size_t i = first; i < last; ++i) items[i] = {hits_[i].prim, static_cast<uint32_t>(i)};
   });
-  cache::radix_sort(std::span(items), std::span(other));
+  cache::radix_sort(items, {scratch.other.data(), traced_});
   parallel_blocks(traced_, kBlock, [&](size_t, size_t first, size_t last) {
     for (size_t i = first; i < last; ++i) by_hit_[i] = items[i].index;
   });
@@ -134,20 +135,19 @@ template class ParkedColumn<PathRecord>;
 template class ParkedColumn<ShadowRecord>;
 
 Status ParkedRays::sweep(const cache::PageTree& tree, PageViews& pages, const Bounds3& scene_bounds_world,
-                         const SortRaysOptions& sort_options, TraceRaysOptions trace_options, TraceRaysReport& report) {
+                         const SortRaysOptions& sort_options, TraceRaysOptions trace_options, PairMemory& memory,
+                         TraceRaysReport& report) {
   const ParkedBatch paths = paths_.gather(), shadows = shadows_.gather();
   const size_t count = paths.rays.size() + shadows.rays.size();
-  Buffer<uint32_t> order(MemoryTag::rays, count);
-  {
-    SortRaysScratch scratch;
-    sort_rays(paths.rays, shadows.rays, scene_bounds_world, order, sort_options, scratch);
-  }
+  order_.grow(MemoryTag::rays, count);
+  const std::span order(order_.data(), count);
+  sort_rays(paths.rays, shadows.rays, scene_bounds_world, order, sort_options, sort_scratch_);
   trace_options.goes_on = true;
   const TraceBatch batch{paths.rays, shadows.rays, paths.hits, shadows.hits, order, paths.costs, shadows.costs};
-  SPILLWAY_TRY(trace_rays(tree, pages, batch, trace_options, report));
+  SPILLWAY_TRY(trace_rays(tree, pages, batch, trace_options, memory, report));
   pages.keep();  // nothing waits now
-  paths_.set_traced();
-  shadows_.set_traced();
+  paths_.set_traced(sort_scratch_);
+  shadows_.set_traced(sort_scratch_);
   return {};
 }
 

@@ -61,7 +61,7 @@ class ParkedColumn {
   // What a sweep is to trace: all rays, side by side. Only when none that was traced is left.
   ParkedBatch gather();
   // They are traced.
-  void set_traced();
+  void set_traced(SortRaysScratch& scratch);
   // Moves the next traced rays to the end of a wave's columns, which have room for them, and their hits and costs.
   Status give_back(RayColumns<Record>& wave, std::span<cache::TraceHit> hits, std::span<RayCost> costs);
 
@@ -100,12 +100,15 @@ class ParkedRays {
 
   // Traces all that wait. Replaces `report`.
   Status sweep(const cache::PageTree& tree, PageViews& pages, const Bounds3& scene_bounds_world,
-               const SortRaysOptions& sort_options, TraceRaysOptions trace_options, TraceRaysReport& report);
+               const SortRaysOptions& sort_options, TraceRaysOptions trace_options, PairMemory& memory,
+               TraceRaysReport& report);
 
  private:
   ParkedColumn<PathRecord> paths_;
   ParkedColumn<ShadowRecord> shadows_;
   size_t limit_;
+  SortRaysScratch sort_scratch_;
+  Buffer<uint32_t> order_;
 };
 
 }  // namespace spillway::pipeline

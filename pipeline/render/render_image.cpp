@@ -36,7 +36,7 @@ Wave make_wave(RenderState& state) {
 // Empty columns with room for so many rays.
 template <class Record>
 void empty(RayColumns<Record>& columns, size_t capacity) {
-  columns.hot.renew(MemoryTag::rays, capacity);
+  columns.hot.grow(MemoryTag::rays, capacity);
   columns.hot.set_size(0);
   columns.cold.clear();
 }

@@ -131,7 +131,7 @@ Status route_hits(const PathSettings& settings, const TracedPaths& paths, const 
   const auto read_nothing = [](size_t, size_t) -> Status { return {}; };
   const auto read_ends = [&](size_t start, size_t in_batch) -> Status {
     if (shadows.ends == nullptr) return {};
-    scratch.ends.renew(MemoryTag::paths, kBatchRecords);
+    scratch.ends.grow(MemoryTag::paths, kBatchRecords);
     first_end = start;
     return shadows.ends->read(start, {scratch.ends.data(), in_batch});
   };

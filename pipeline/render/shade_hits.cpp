@@ -61,7 +61,7 @@ class Shader {
  public:
   Shader(const ShadeInputs& inputs, AttributeStore& attributes, Film& film, ShadeHitsScratch& out)
       : inputs_(inputs), attributes_(attributes), film_(film), out_(out) {
-    if (looks_up_emission()) out.shadow_ends.renew(MemoryTag::paths, kBatchHits);
+    if (looks_up_emission()) out.shadow_ends.grow(MemoryTag::paths, kBatchHits);
   }
 
   // bytes: the attribute block that holds all of these hits; empty: each hit's block is resident.
@@ -105,7 +105,7 @@ class Shader {
     if (out_.touched_blocks) out_.touched_blocks->insert(out_.touched_blocks->end(), blocks.begin(), blocks.end());
     if (resident) return shade_batch(hits, {}, paths, shadows, report);
     report.attribute_blocks_touched += blocks.size();
-    gathered_.renew(MemoryTag::paths, kBatchHits);
+    gathered_.grow(MemoryTag::paths, kBatchHits);
     size_t first = 0;
     SPILLWAY_TRY(attributes_.parts().sweep(blocks, [&](uint32_t block, std::span<const std::byte> bytes) -> Status {
       const auto from = by_prim.begin() + static_cast<ptrdiff_t>(first);

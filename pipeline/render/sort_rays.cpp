@@ -82,13 +82,6 @@ void write_keys(std::span<const TraceRay> rays, uint32_t first_index, const Cell
   });
 }
 
-void grow(SortRaysScratch& scratch, size_t count) {
-  if (scratch.items.capacity() >= count) return;
-  scratch = {};  // gives back before it takes
-  scratch.items = Buffer<KeyIndex<uint32_t>>(MemoryTag::rays, count);
-  scratch.other = Buffer<KeyIndex<uint32_t>>(MemoryTag::rays, count);
-}
-
 }  // namespace
 
 void sort_rays(std::span<const TraceRay> path_rays, std::span<const TraceRay> shadow_rays,
@@ -97,7 +90,7 @@ void sort_rays(std::span<const TraceRay> path_rays, std::span<const TraceRay> sh
   SPILLWAY_CHECK(order.size(), ==, path_rays.size() + shadow_rays.size());
   SPILLWAY_CHECK(order.size(), <, size_t{UINT32_MAX});
   if (!options.enabled) return std::iota(order.begin(), order.end(), 0u);
-  grow(scratch, order.size());
+  scratch.grow(order.size());
   const std::span items(scratch.items.data(), order.size());
   const CellCode cell(scene_bounds_world);
   write_keys(path_rays, 0, cell, items.first(path_rays.size()));

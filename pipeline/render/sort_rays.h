@@ -28,6 +28,8 @@ struct SortRaysOptions {
 // Grows to the largest wave. What a planner must set aside for it: sort_rays_scratch_bytes().
 struct SortRaysScratch {
   Buffer<cache::KeyIndex<uint32_t>> items, other;
+
+  void grow(size_t count) { items.grow(MemoryTag::rays, count), other.grow(MemoryTag::rays, count); }
 };
 [[nodiscard]] constexpr uint64_t sort_rays_scratch_bytes(uint64_t ray_count) {
   return 2 * sizeof(cache::KeyIndex<uint32_t>) * ray_count;

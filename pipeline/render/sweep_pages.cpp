@@ -19,8 +19,9 @@ constexpr size_t kWordRays = 64;       // rays a word of the waiting bits
 
 }  // namespace
 
-PageSweep::PageSweep(WaveRays& rays, const TraceRaysOptions& options, TraceRaysReport& report)
+PageSweep::PageSweep(WaveRays& rays, const TraceRaysOptions& options, PairMemory& memory, TraceRaysReport& report)
     : rays_(rays),
+      memory_(memory),
       report_(report),
       page_count_(rays.page_count()),
       block_((std::max<size_t>(options.block_rays, 1) + kWordRays - 1) / kWordRays * kWordRays),
@@ -40,7 +41,7 @@ void PageSweep::add_due(uint32_t ray, Cell& cell, uint32_t instance) {
 
 bool PageSweep::list_waiting() {
   cut_chunks();
-  pool_.emplace(pair_capacity_ - pair_capacity_ / 32, chunk_count_ * page_count_);  // its links are the 32nd part
+  pool_.emplace(memory_, pair_capacity_ - pair_capacity_ / 32, chunk_count_ * page_count_);  // its links are the 32nd part
   listed_ = true;
   waiting_ = Buffer<uint64_t>(MemoryTag::rays, block_count(rays_.size(), kWordRays));
   std::atomic<uint64_t> waiting_count = 0;
@@ -303,7 +304,8 @@ Status PageSweep::sweep() {
   uint64_t most = 0;
   for (const Window& window : windows)
     if (!window.by_ray) most = std::max(most, window.pair_count);
-  pairs_ = Buffer<Pair>(MemoryTag::rays, most);
+  memory_.pairs.grow(MemoryTag::rays, most);
+  pairs_ = std::span(memory_.pairs).first(most);
   for (const Window& window : windows) {
     if (!window.by_ray) emit_pairs(window);
     SPILLWAY_TRY(sweep_window(window));

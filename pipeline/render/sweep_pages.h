@@ -18,7 +18,7 @@ namespace spillway::pipeline {
 
 class PageSweep {
  public:
-  PageSweep(WaveRays& rays, const TraceRaysOptions& options, TraceRaysReport& report);
+  PageSweep(WaveRays& rays, const TraceRaysOptions& options, PairMemory& memory, TraceRaysReport& report);
 
   // Traces what is in memory, and lists for each page the rays that still need it. Returns whether there are any.
   bool list_waiting();
@@ -57,6 +57,7 @@ class PageSweep {
   void trace_by_ray(uint32_t page, const cache::TracePageView& view);
 
   WaveRays& rays_;
+  PairMemory& memory_;
   TraceRaysReport& report_;
   const uint32_t page_count_;
   const size_t block_;
@@ -69,7 +70,7 @@ class PageSweep {
   std::vector<uint64_t> page_pairs_;
   std::optional<PairPool> pool_;      // pairs as they were found,
   std::atomic<bool> listed_ = false;  // all of them;
-  Buffer<Pair> pairs_;                // else those of a window
+  std::span<Pair> pairs_;             // else those of a window
   std::vector<uint32_t> window_pages_;
   std::vector<uint8_t> page_is_late_;  // for another wave; none: all are swept
   Buffer<uint8_t> ray_is_late_;        // needs a late page

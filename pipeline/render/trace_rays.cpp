@@ -61,7 +61,7 @@ PageViews::~PageViews() { pages_->on_residency({}); }
 // ---- the stage ----
 
 Status trace_rays(const cache::PageTree& tree, PageViews& pages, const TraceBatch& batch,
-                  const TraceRaysOptions& options, TraceRaysReport& report) {
+                  const TraceRaysOptions& options, PairMemory& memory, TraceRaysReport& report) {
   SPILLWAY_CHECK(batch.order.size(), ==, batch.path_rays.size() + batch.shadow_rays.size());
   SPILLWAY_CHECK(batch.path_hits.size(), ==, batch.path_rays.size());
   SPILLWAY_CHECK(batch.shadow_hits.size(), ==, batch.shadow_rays.size());
@@ -74,7 +74,7 @@ Status trace_rays(const cache::PageTree& tree, PageViews& pages, const TraceBatc
   if (options.resident_first && pages.pages().all_resident()) {
     trace_all_resident(rays, block);
   } else {
-    PageSweep sweep(rays, options, report);
+    PageSweep sweep(rays, options, memory, report);
     const bool more = sweep.list_waiting();
     if (!pages.pages().fits()) note_pages_used(rays);
     if (more) status = sweep.sweep();

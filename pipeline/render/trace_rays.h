@@ -20,6 +20,7 @@
 #include "cache/part_store.h"
 #include "cache/ray.h"
 #include "cache/trace_kernel.h"
+#include "pipeline/render/pair_pool.h"
 #include "pipeline/render/pixel_costs.h"
 
 namespace spillway::pipeline {
@@ -77,8 +78,9 @@ struct TraceBatch {
   std::span<RayCost> path_costs = {}, shadow_costs = {};  // what each ray took is added. Empty: nobody asks
 };
 
-// Replaces `report`. Fails when a page cannot be read or is damaged; hits are then incomplete.
+// Replaces `report`; `memory` is what pairs are listed in. Fails when a page cannot be read or is damaged; hits are then
+// incomplete.
 Status trace_rays(const cache::PageTree& tree, PageViews& pages, const TraceBatch& batch,
-                  const TraceRaysOptions& options, TraceRaysReport& report);
+                  const TraceRaysOptions& options, PairMemory& memory, TraceRaysReport& report);
 
 }  // namespace spillway::pipeline

@@ -19,7 +19,7 @@ std::span<T> behind(Buffer<T>& all, size_t count) {
 
 template <class T>
 void make(Buffer<T>& results, size_t count) {
-  results.renew(MemoryTag::rays, count);
+  results.grow(MemoryTag::rays, count);
   results.set_size(count);
 }
 
@@ -36,7 +36,7 @@ Status WaveTracer::sweep_lot(WaveReport& report) {
   const StageTimer timer("sweep_parked", report.trace_seconds);
   TraceRaysReport traced;
   SPILLWAY_TRY(parked_.sweep(state_.store.page_tree(), *state_.pages, state_.options.settings.statistics.bounds_world,
-                             sort_options(), trace_options(), traced));
+                             sort_options(), trace_options(), pair_memory_, traced));
   add(traced, report);
   state_.page_parts->rebalance();
   return {};
@@ -74,7 +74,7 @@ Status WaveTracer::trace(const Wave& wave, WaveReport& report) {
   options.park_paths = parked_.paths().room(), options.park_shadows = parked_.shadows().room();
   options.park_pairs = state_.plan.park_pairs;
   TraceRaysReport traced;
-  SPILLWAY_TRY(trace_rays(state_.store.page_tree(), *state_.pages, rays, options, traced));
+  SPILLWAY_TRY(trace_rays(state_.store.page_tree(), *state_.pages, rays, options, pair_memory_, traced));
   add(traced, report);
   // Else all that is wanted is asked for when the lot is swept.
   if (state_.plan.parked_rays == 0) state_.page_parts->rebalance();

@@ -45,7 +45,7 @@ class WaveTracer {
   [[nodiscard]] TracedPaths traced_paths(const Wave& wave, std::span<const SegmentResult> media) const;
   [[nodiscard]] TracedShadows traced_shadows(const Wave& wave, std::span<const SegmentResult> media) const;
   // A spilled wave gives back what it does not need while shading.
-  void give_back() { order_ = {}, path_hits_ = {}, shadow_hits_ = {}; }
+  void give_back() { order_ = {}, path_hits_ = {}, shadow_hits_ = {}, pair_memory_ = {}; }
 
  private:
   [[nodiscard]] TraceBatch new_rays(const Wave& wave);  // those that did not come back
@@ -59,6 +59,7 @@ class WaveTracer {
   ParkedRays parked_;
   size_t back_paths_ = 0, back_shadows_ = 0;  // of the wave: those that came back
   SortRaysScratch sort_scratch_;
+  PairMemory pair_memory_;
   Buffer<uint32_t> order_;
   Buffer<cache::TraceHit> path_hits_, shadow_hits_;
   Buffer<RayCost> path_costs_, shadow_costs_;  // none when nobody asks

@@ -68,7 +68,7 @@ void track_ray(const MediaInputs& inputs, const MediaRays<Record>& rays, size_t 
 template <class Record>
 Status track_kind(const MediaInputs& inputs, const MediaRays<Record>& rays, MediumRounds& rounds,
                   Buffer<SegmentResult>& results) {
-  results.renew(MemoryTag::rays, rays.rays.size());
+  results.grow(MemoryTag::rays, rays.rays.size());
   results.set_size(rays.rays.size());
   const bool resident = inputs.volumes == nullptr || inputs.volumes->parts().all_resident();
   const size_t batch_records = resident ? kBatchRecords : kSweptBatchRecords;

@@ -17,7 +17,8 @@ std::vector<uint32_t> rays_of(const PairPool& pool, const Cell& cell) {
 
 TEST(PairPool, each_list_gives_back_its_own_pairs_in_order) {
   std::vector<Cell> cells(5, Cell{});
-  PairPool pool(1 << 14, cells.size());
+  PairMemory memory;
+  PairPool pool(memory, 1 << 14, cells.size());
   std::vector<std::vector<uint32_t>> expected(cells.size());
   for (uint32_t i = 0; i < 9000; ++i) {
     const size_t c = i % 7 % cells.size();
@@ -32,7 +33,8 @@ TEST(PairPool, each_list_gives_back_its_own_pairs_in_order) {
 }
 
 TEST(PairPool, what_is_used_up_says_so_and_holds_what_it_took) {
-  PairPool pool(64, 1);
+  PairMemory memory;
+  PairPool pool(memory, 64, 1);
   Cell cell{};
   uint32_t taken = 0;
   while (pool.add(cell, {taken, 0})) ++taken;
@@ -40,7 +42,8 @@ TEST(PairPool, what_is_used_up_says_so_and_holds_what_it_took) {
   EXPECT_EQ(rays_of(pool, cell).size(), 64u);
   EXPECT_FALSE(pool.add(cell, {taken, 0}));
   EXPECT_EQ(cell.count, 64u);
-  PairPool none(0, 10);
+  PairMemory nothing;
+  PairPool none(nothing, 0, 10);
   Cell empty{};
   EXPECT_FALSE(none.add(empty, {0, 0}));
 }

@@ -56,7 +56,8 @@ void trace(ParkedColumn<PathRecord>& parked) {
     batch.hits[i].prim = prim_of(batch.rays[i].origin_world.x);
     batch.costs[i].tree_steps += batch.hits[i].prim;
   }
-  parked.set_traced();
+  SortRaysScratch scratch;
+  parked.set_traced(scratch);
 }
 
 // The samples of the next `count` that come back, each with its ray, hit and cost.

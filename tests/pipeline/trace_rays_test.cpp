@@ -257,7 +257,8 @@ struct PagedRun {
     const uint64_t read_before = store->counters().parts_read;
     Hits hits{std::vector<TraceHit>(rays.paths.size()), std::vector<TraceHit>(rays.shadows.size())};
     const TraceBatch batch{rays.paths, rays.shadows, hits.paths, hits.shadows, rays.order};
-    const Status status = trace_rays(scene.tree(), views, batch, options, report);
+    PairMemory memory;
+    const Status status = trace_rays(scene.tree(), views, batch, options, memory, report);
     EXPECT_TRUE(status) << status.error().message;
     check_log(store->counters().parts_read - read_before);
     return hits;
@@ -430,8 +431,9 @@ TEST(TraceRays, pages_that_many_rays_wait_for_are_read_and_the_other_rays_wait) 
     run.store->rebalance();
   }
   EXPECT_GT(run.store->counters().parts_evicted, evicted);
+  PairMemory memory;
   ASSERT_TRUE(trace_rays(scene.tree(), run.views, {rest.paths, rest.shadows, later.paths, later.shadows, rest.order},
-                         {.goes_on = true}, run.report));
+                         {.goes_on = true}, memory, run.report));
   for (size_t i = 300, path = later.paths.size(), shadow = later.shadows.size(); i-- > 0;) {
     if (waits(hits.paths[i])) hits.paths[i] = later.paths[--path];
     if (waits(hits.shadows[i])) hits.shadows[i] = later.shadows[--shadow];
@@ -511,7 +513,8 @@ TEST(TraceRays, a_damaged_page_is_an_error_that_names_it) {
   PageViews views(*store);
   std::vector<TraceHit> hits(500);
   TraceRaysReport report;
-  const Status status = trace_rays(scene.tree(), views, {rays.paths, {}, hits, {}, rays.order}, {}, report);
+  PairMemory memory;
+  const Status status = trace_rays(scene.tree(), views, {rays.paths, {}, hits, {}, rays.order}, {}, memory, report);
   ASSERT_FALSE(status);
   EXPECT_NE(status.error().message.find("part 7 at byte"), std::string::npos) << status.error().message;
   EXPECT_EQ(views.resident().view(7).header, nullptr);
