@@ -172,6 +172,23 @@ void cost_of_a_selection(const Store& store, const std::vector<Float3>& receiver
   }
 }
 
+// What stays in memory of the lights, all of it of both levels of the tree.
+void bytes_of_a_light(const shading::LightTable& lights, size_t standing) {
+  const shading::LightTree& tree = lights.tree;
+  const size_t nodes = tree.nodes.size_bytes(), leaves = tree.emitter_leaves.size_bytes();
+  const size_t shapes = lights.emitters.size_bytes(), instances = tree.instance_leaves.size_bytes();
+  const size_t rest = lights.emissions.size_bytes() + tree.roots.size_bytes() + lights.cdf.size_bytes();
+  const auto stored = static_cast<double>(lights.emitters.size());
+  const size_t all = nodes + leaves + shapes + instances + rest;
+  fmt::print(
+      "bytes a stored triangle: {:.1f} ({:.1f} shape, {:.1f} leaf, {:.1f} nodes, {:.1f} leaves of instances, {:.1f} "
+      "meshes); "
+      "{:.1f} a standing one\n",
+      static_cast<double>(all) / stored, static_cast<double>(shapes) / stored, static_cast<double>(leaves) / stored,
+      static_cast<double>(nodes) / stored, static_cast<double>(instances) / stored, static_cast<double>(rest) / stored,
+      static_cast<double>(all) / static_cast<double>(standing));
+}
+
 Status run(const Arguments& arguments) {
   SPILLWAY_ASSIGN(const Store store, Store::open(arguments.store));
   const SelectedLights selected(store, RenderSettings{});
@@ -184,6 +201,7 @@ Status run(const Arguments& arguments) {
   if (receivers.empty()) return error("{}: nothing lies below its lamps", arguments.store.string());
   fmt::print("{} emitting triangles stored, {} standing, {} nodes, {:.1f} MB of lights in all\n",
              lights.emitters.size(), standing.size(), lights.tree.nodes.size(), bytes * 1e-6);
+  bytes_of_a_light(lights, standing.size());
   cost_of_a_selection(store, receivers);
   if (!arguments.costs_only) against_the_optimum(lights, *tracer, standing, receivers, arguments);
   return {};

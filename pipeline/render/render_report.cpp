@@ -103,7 +103,8 @@ json track_json(const RenderReport& r) {
           {"steps", r.track.step_count},
           {"rounds", r.track.round_count},
           {"bricks_touched", r.track.bricks_touched},
-          {"bounded", r.track.bounded_count}};
+          {"bounded", r.track.bounded_count},
+          {"other_medium", r.shade.other_medium_count}};
 }
 
 json error_json(const RenderReport& r) {
@@ -261,6 +262,9 @@ std::string report_table(const RenderReport& r) {
   if (r.has_media)
     text += fmt::format("media\n  {} segments, {} collisions, {} steps\n", r.track.segment_count,
                         r.track.collision_count, r.track.step_count);
+  if (r.shade.other_medium_count > 0)
+    text += fmt::format("  {} times a surface was met in another medium than it says is there: does it close?\n",
+                        r.shade.other_medium_count);
   if (r.track.bounded_count > 0)
     text += fmt::format("  {} cells took more than {} steps: their rest was passed as if it were empty, which is too bright\n",
                         r.track.bounded_count, shading::kMaxCellSteps);

@@ -43,7 +43,7 @@ struct GatheredHit {
 // What one block of hits turned into, in the batch scratch from `first` on.
 struct ShadedBlock {
   size_t first = 0;
-  uint32_t path_count = 0, shadow_count = 0, let_through_count = 0;
+  uint32_t path_count = 0, shadow_count = 0, let_through_count = 0, other_medium_count = 0;
   uint32_t rays_of_half[2] = {0, 0};
 
   // The place of one more ray of the kind, counted for its epoch.
@@ -81,7 +81,7 @@ class Shader {
     if (shadows.ends) SPILLWAY_TRY(append(out_.shadow_ends, done, &ShadedBlock::shadow_count, *shadows.ends));
     for (const ShadedBlock& block : done) {
       report.path_count += block.path_count, report.shadow_count += block.shadow_count;
-      report.let_through_count += block.let_through_count;
+      report.let_through_count += block.let_through_count, report.other_medium_count += block.other_medium_count;
       report.rays_of_half[0] += block.rays_of_half[0], report.rays_of_half[1] += block.rays_of_half[1];
     }
     report.shaded_count += hits.size();
@@ -255,7 +255,15 @@ class Shader {
     }
   }
 
+  // A surface that divides media is met from the side of another one than the ray's: it does not close, or it crosses
+  // another one. The ray goes on in what the surface says.
+  [[nodiscard]] bool is_in_other_medium(const SurfaceQuery& q) const {
+    return q.hit->is_shadow != kShadowArrived &&
+           medium_beyond(*q.point, q.hit->direction_world * -1.0f) != q.hit->path.medium;
+  }
+
   void shade_one(const SurfaceQuery& q, BlockScratch& scratch, ShadedBlock& out) {
+    if (!inputs_.settings.media.empty() && is_in_other_medium(q)) ++out.other_medium_count;
     if (!q.stopped) return let_through(q, out);
     if (q.hit->is_shadow == kShadowArrived) return scratch.splats.push_back(arrived_splat(*q.hit, q.values));
     if (q.hit->is_shadow) return;

@@ -65,6 +65,7 @@ struct ShadeHitsScratch {
 struct ShadeHitsReport {
   uint64_t shaded_count = 0, let_through_count = 0, path_count = 0, shadow_count = 0;
   uint64_t partition_count = 0, attribute_blocks_touched = 0;
+  uint64_t other_medium_count = 0;                // met in another medium than they say is there; of scenes with media
   std::array<uint64_t, 2> rays_of_half = {0, 0};  // sent on, of both kinds: what keeps an epoch open
 };
 

@@ -74,14 +74,15 @@ class FindCameraMedium : public testing::Test {
       return {};
     });
   }
-  std::string rendered() const {
+  RenderReport report() const {
     auto store = Store::open(directory_ / "store");
     RenderOptions options;
     options.settings = store->settings(), options.scratch_directory = directory_.path();
     auto image = render_image(*store, options);
     EXPECT_TRUE(image) << image.error().message;
-    return image->report.image_hash;
+    return image ? image->report : RenderReport{};
   }
+  std::string rendered() const { return report().image_hash; }
 
   TemporaryDirectory directory_;
 };
@@ -130,6 +131,21 @@ TEST_F(FindCameraMedium, instances_divide_too_mirrored_ones_as_well) {
 // One side is missing: most rays meet the others.
 TEST_F(FindCameraMedium, a_hole_is_outvoted) {
   EXPECT_EQ(pack({0, 0, 0}, {{1, kFog, kNoMedium, false, false, 10}}).medium, kFog);
+}
+
+// Rays come in through the hole without the gas, or go out of it with the gas. It is told how often, and nothing hangs.
+TEST_F(FindCameraMedium, surfaces_that_do_not_close_are_counted) {
+  const auto met_in_another_medium = [&](Float3 eye, const std::vector<Cube>& cubes) {
+    pack(eye, cubes);
+    const RenderReport found = report();
+    EXPECT_FALSE(found.faults.any());
+    EXPECT_GT(found.track.segment_count, 0u);
+    return found.shade.other_medium_count;
+  };
+  EXPECT_EQ(met_in_another_medium({0, 0, -4}, {{1, kFog}}), 0u);
+  EXPECT_EQ(met_in_another_medium({0, 0, -4}, {{2, kFog}, {1, kSmoke, kFog}, {0.5f, 0, 0, false, true}}), 0u);
+  EXPECT_GT(met_in_another_medium({0, 0, -4}, {{1, kFog, kNoMedium, false, false, 6}}), 0u);
+  EXPECT_GT(met_in_another_medium({0, 0, -4}, {{2, kFog}, {1, kSmoke, kNoMedium}}), 50u);  // nested, and says it is not
 }
 
 TEST_F(FindCameraMedium, a_picture_with_what_was_found_is_the_picture_with_it_said) {

@@ -471,7 +471,7 @@ TEST_F(SameBits, another_seed_is_another_image) {
   EXPECT_NE(render(o, 2).report.image_hash, hash_);
 }
 
-// The same laws in media: haze, a fire of bricks, milk in glass.
+// The same laws in media: haze, a fire of bricks, milk in glass, a grid of colours.
 class SameBitsInMedia : public testing::Test {
  protected:
   SameBitsInMedia() {
@@ -499,6 +499,7 @@ TEST_F(SameBitsInMedia, as_the_depth_first_reference_for_any_memory_threads_wave
   EXPECT_GT(image.report.track.collision_count, 1000u);
   EXPECT_GT(image.report.track.step_count, 1000u);
   EXPECT_EQ(image.report.track.bounded_count, 0u);
+  EXPECT_EQ(image.report.shade.other_medium_count, 0u);
   EXPECT_FALSE(image.report.faults.any());
   const auto tracer = kernel_tracer(*store_);
   ASSERT_TRUE(tracer) << tracer.error().message;
@@ -510,6 +511,17 @@ TEST_F(SameBitsInMedia, as_the_depth_first_reference_for_any_memory_threads_wave
   RenderOptions o = options_;
   o.plan.wave_paths = 211;
   EXPECT_EQ(render(o, *store_).report.image_hash, image.report.image_hash);
+  uint64_t brick_bytes = 0;
+  for (const auto& brick : store_->medium_tables().volumes.bricks) brick_bytes += brick.size_bytes;
+  uint64_t read = brick_bytes;
+  for (const uint64_t part : {2, 4, 8}) {
+    RenderOptions few = options_;
+    few.plan.volume_bytes = brick_bytes / part;
+    const RenderedImage limited = render(few, *store_);
+    EXPECT_EQ(limited.report.image_hash, image.report.image_hash) << part;
+    EXPECT_GT(limited.report.volumes.bytes_read, read) << part;
+    read = limited.report.volumes.bytes_read;
+  }
   o = options_;
   o.plan.volume_bytes = 1 << 16;
   o.plan.spill = 1;

@@ -286,7 +286,8 @@ TEST_F(ScenePackerTest, references_to_nothing_are_refused) {
   fails([&](SceneSink& s) { return add(s, [](MeshInput& m) { m.material = MaterialId{1}; }); });
   fails([&](SceneSink& s) { return add(s, [](MeshInput& m) { m.alpha = TextureId{0}; }); });
   fails([&](SceneSink& s) { return add(s, [](MeshInput& m) { m.object = 1; }); });
-  fails([&](SceneSink& s) { return add(s, [](MeshInput& m) { m.emits = true, m.emission = {-1, 0, 0}; }); });
+  for (const float bad : {-1.0f, INFINITY, NAN})
+    fails([&](SceneSink& s) { return add(s, [bad](MeshInput& m) { m.emits = true, m.emission = {bad, 0, 0}; }); });
   fails([&](SceneSink& s) { return bool(s.add_instance(1, Affine3{})); });
   fails([&](SceneSink& s) { return bool(s.add_instance(0, Affine3{})); });
   fails([&](SceneSink& s) {

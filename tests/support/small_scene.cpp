@@ -251,7 +251,18 @@ VolumeInput smoke(const char* name, int32_t n, Float3 corner, float size) {
   return volume;
 }
 
-// The media by number: haze, fire, milk.
+// The same in three channels: as it is, turned over, and evenly, all of them times `less`.
+VolumeInput colored_smoke(const char* name, Float3 corner, float size, float less) {
+  VolumeInput volume = smoke(name, 24, corner, size);
+  std::vector<float> grey = std::move(volume.samples);
+  volume.channels = 3;
+  for (size_t i = 0; i < grey.size(); ++i)
+    for (const float value : {less * grey[i], less * grey[grey.size() - 1 - i], less * 0.5f})
+      volume.samples.push_back(value);
+  return volume;
+}
+
+// The media by number: haze, fire, milk, paint.
 Status add_media(ScenePacker& packer) {
   Medium haze;
   haze.sigma_a = {0.01f, 0.01f, 0.01f}, haze.sigma_s = {0.06f, 0.06f, 0.06f}, haze.g = 0.3f;
@@ -266,6 +277,15 @@ Status add_media(ScenePacker& packer) {
   Medium milk;
   milk.sigma_a = {0.1f, 0.4f, 1.0f}, milk.sigma_s = {4, 4.5f, 5};
   SPILLWAY_ASSIGN([[maybe_unused]] const uint32_t third, packer.add_medium({"milk", milk, {}}));
+  Medium paint;
+  paint.kind = MediumKind::color_grid;
+  paint.sigma_a = {0, 0, 0}, paint.sigma_s = {6, 6, 6}, paint.g = 0.1f;
+  paint.glow_kind = GlowKind::colors, paint.glow = {0.2f, 0.3f, 0.1f};
+  const Float3 corner{-0.4f, 0.05f, -1.95f};
+  SPILLWAY_ASSIGN(paint.density_volume, packer.add_volume(colored_smoke("paint", corner, 0.8f, 1)));
+  SPILLWAY_ASSIGN(paint.scatter_volume, packer.add_volume(colored_smoke("scattering", corner, 0.8f, 0.7f)));
+  SPILLWAY_ASSIGN(paint.glow_volume, packer.add_volume(colored_smoke("shine", corner, 0.8f, 0.4f)));
+  SPILLWAY_ASSIGN([[maybe_unused]] const uint32_t fourth, packer.add_medium({"paint", paint, {}}));
   return {};
 }
 
@@ -296,6 +316,7 @@ MeshData box(Float3 corner, float size) {
 
 Status add_dividers(Builder& b, ScenePacker& packer) {
   SPILLWAY_TRY(add_divider(packer, box({-1.75f, 0.02f, -1.55f}, 1), {}, 1, 0));
+  SPILLWAY_TRY(add_divider(packer, box({-0.42f, 0.03f, -1.97f}, 0.84f), {}, 3, 0));
   SPILLWAY_ASSIGN(const MaterialId glass, b.material(MaterialKind::dielectric, {}, 0.05f));
   return add_divider(packer, sphere({1.2f, 0.35f, -1.2f}, 0.3f, 24), glass, 2, 0);
 }
