@@ -264,21 +264,24 @@ Status ScenePacker::check_object(uint32_t object) const {
   return error("instance {}: is of object {}, but there are 1 to {}", instances_.size(), object, scene_.object_count - 1);
 }
 
+// Gives what only divides media the material of its kind.
+Status ScenePacker::name_material(MeshInput& mesh) {
+  if (!mesh.divides_media || mesh.material.valid()) return {};
+  SPILLWAY_ASSIGN(mesh.material, interface_material());
+  mesh.alpha = {}, mesh.faces = {};
+  return {};
+}
+
 Status ScenePacker::add_mesh(const MeshInput& given) {
   SPILLWAY_TRY(state_);
   MeshInput mesh = given;
   SPILLWAY_TRY(failed(check_mesh(mesh)));
-  const bool is_interface = mesh.divides_media && !mesh.material.valid();
-  if (is_interface) {
-    SPILLWAY_ASSIGN(mesh.material, interface_material());
-    mesh.alpha = {}, mesh.faces = {};
-  }
+  SPILLWAY_TRY(name_material(mesh));
   const std::vector<uint32_t> face_textures = face_textures_->size() == 0 ? std::vector<uint32_t>{} : face_textures_of(mesh);
   if (face_textures.empty()) mesh.faces = {};
   if (!face_textures.empty()) SPILLWAY_TRY(failed(check_faces(mesh, face_textures)));
   auto spooled = spool_mesh(mesh, *spool_, options_.max_faces_per_attribute_block, degenerate_count_);
   if (!spooled) return failed(spooled.error());
-  if (is_interface) spooled->row.flags |= kMeshIsInterface;
   if (mesh.emits) dark_light_count_ += mesh.indices.size() / 3 - (spooled->emits ? spooled->row.face_count : 0);
   if (!spooled->chunks.empty()) scene_.meshes.push_back(std::move(*spooled));
   return {};
@@ -297,11 +300,11 @@ Status ScenePacker::check_displacement(const SubdivisionInput& subdivision) cons
   return {};
 }
 
-Status ScenePacker::add_subdivision(const SubdivisionInput& subdivision) {
+Status ScenePacker::add_subdivision(const SubdivisionInput& given) {
   SPILLWAY_TRY(state_);
-  SPILLWAY_TRY(failed(check_mesh(subdivision.cage)));
-  if (!subdivision.cage.material.valid())
-    return failed(error("{}: a subdivided cage without a material is not possible; give it one", subdivision.cage.name));
+  SPILLWAY_TRY(failed(check_mesh(given.cage)));
+  SubdivisionInput subdivision = given;
+  SPILLWAY_TRY(name_material(subdivision.cage));
   SPILLWAY_TRY(failed(check_displacement(subdivision)));
   // Its triangles have no corners that an image could be spread over by itself.
   if (subdivision.cage.emits && subdivision.cage.emission_texture.valid() && subdivision.cage.uvs.empty())

@@ -96,6 +96,7 @@ class ScenePacker final : public SceneSink {
   Status failed(Status status);
   Status check_mesh(const MeshInput& mesh) const;
   Result<MaterialId> interface_material();
+  Status name_material(MeshInput& mesh);
   [[nodiscard]] std::vector<uint32_t> face_textures_of(const MeshInput& mesh) const;
   Status check_faces(const MeshInput& mesh, const std::vector<uint32_t>& face_textures) const;
   Status check_object(uint32_t object) const;

@@ -71,6 +71,7 @@ Status ScenePacker::number_meshes() {
   uint64_t prim = 0;
   for (uint32_t m = 0; m < scene_.meshes.size(); ++m) {
     SpooledMesh& mesh = scene_.meshes[m];
+    if (mesh.row.material == interface_material_.value) mesh.row.flags |= kMeshIsInterface;
     if (prim + mesh.row.face_count >= cache::kLeafBit)
       return error("{}: the scene has more than {} triangles; split it", mesh.name, cache::kLeafBit);
     mesh.row.prim_base = static_cast<uint32_t>(prim);

@@ -112,5 +112,20 @@ TEST(Failures, a_checkered_cloud_of_albedo_one_in_a_white_sky) {
   expect_unbiased(scene, 1, {.seeds = 12, .samples = 16});
 }
 
+// A cage may divide media as any shape may: a cube of sharp edges, which is its own limit surface.
+TEST(Failures, absorbing_gas_in_a_subdivided_cage) {
+  const FailureScene scene(
+      view_along({0, 0, 4}, {0, 0, 0}, {0, 1, 0}, 0.2, 100) + sky(1) +
+      "MakeNamedMedium \"gas\" \"string type\" \"homogeneous\" \"rgb sigma_a\" [0.5 0.5 0.5] \"rgb sigma_s\" [0 0 0]\n"
+      "MediumInterface \"gas\" \"\" Material \"interface\"\n"
+      "Shape \"subdivmesh\" \"point3 P\" [-1 -1 -1  1 -1 -1  1 1 -1  -1 1 -1  -1 -1 1  1 -1 1  1 1 1  -1 1 1]\n"
+      "\"integer indices\" [0 3 2 1  4 5 6 7  0 1 5 4  1 2 6 5  2 3 7 6  3 0 4 7]\n"
+      "\"integer creaseindices\" [0 1 1 2 2 3 3 0  4 5 5 6 6 7 7 4  0 4 1 5 2 6 3 7]\n"
+      "\"float creasesharpness\" [10 10 10 10 10 10 10 10 10 10 10 10]\n");
+  scene.expect_same_bits();
+  const auto value = [](double x, double y) { return std::exp(-0.5 * 2 * std::sqrt(1 + (x * x + y * y) / 16)); };
+  expect_unbiased(scene, mean_over_square(0.2, 4, value), {.largest_error = 0.01});
+}
+
 }  // namespace
 }  // namespace spillway::test

@@ -112,15 +112,19 @@ class RecordingSink : public pipeline::SceneSink {
     objects.push_back(std::move(name));
     return static_cast<uint32_t>(objects.size());
   }
-  Status add_mesh(const pipeline::MeshInput& mesh) override {
+  // Only what divides media may have no material.
+  void expect_known(const pipeline::MeshInput& mesh) {
     const bool is_interface = mesh.divides_media && !mesh.material.valid();
     if (!is_interface && mesh.material.value >= materials.size()) contract = "mesh before its material";
     for (const uint32_t medium : {mesh.medium_inside, mesh.medium_outside})
       if (mesh.divides_media && medium != pipeline::kNoMedium && medium >= media.size()) contract = "mesh before its media";
+    if (mesh.object > objects.size()) contract = "mesh of no object";
+  }
+  Status add_mesh(const pipeline::MeshInput& mesh) override {
+    expect_known(mesh);
     if (mesh.alpha.valid() && mesh.alpha.value >= textures.size()) contract = "mesh before its alpha";
     if (mesh.emission_texture.valid() && mesh.emission_texture.value >= textures.size())
       contract = "mesh before its emission";
-    if (mesh.object > objects.size()) contract = "mesh of no object";
     for (const uint32_t index : mesh.indices) {
       if (index >= mesh.positions.size()) contract = "index out of range";
     }
@@ -134,8 +138,7 @@ class RecordingSink : public pipeline::SceneSink {
     return {};
   }
   Status add_subdivision(const pipeline::SubdivisionInput& s) override {
-    if (s.cage.material.value >= materials.size()) contract = "cage before its material";
-    if (s.cage.object > objects.size()) contract = "cage of no object";
+    expect_known(s.cage);
     if (s.displacement.valid() && s.displacement.value >= textures.size()) contract = "cage before its displacement";
     if (const auto made = pipeline::make_cage(s); !made) return made.error();
     cages.push_back({s,
