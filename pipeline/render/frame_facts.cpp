@@ -4,6 +4,7 @@
 #include "cache/texture_cache.h"
 #include "pipeline/render/render_image.h"
 #include "pipeline/render/select_lights.h"
+#include "pipeline/render/select_tables.h"
 
 // What is known of a frame before it is rendered: its film, its identity, what the plan asks.
 
@@ -55,7 +56,8 @@ SceneFacts scene_facts(const Store& store, const RenderOptions& options) {
     facts.attribute_bytes += block.size_bytes;
     facts.largest_attribute_block_bytes = std::max<uint64_t>(facts.largest_attribute_block_bytes, block.size_bytes);
   }
-  facts.texture_bytes = cache::TextureCache::bytes_for_all(store.images(), store.face_containers());
+  if (looks_up_images(store))
+    facts.texture_bytes = cache::TextureCache::bytes_for_all(store.images(), store.face_containers());
   facts.looks_up_emission =
       std::ranges::any_of(store.meshes(), [&](const Mesh& mesh) { return looks_up_emission(store, mesh); }) ? 1 : 0;
   facts.has_media = store.medium_tables().media.empty() ? 0 : 1;

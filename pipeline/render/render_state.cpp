@@ -107,10 +107,10 @@ std::filesystem::path scratch_directory(const RenderState& state) {
   return asked.empty() ? std::filesystem::temp_directory_path() : asked;
 }
 
-// A scene without images has no texture cache.
+// A scene that looks up no images has no texture cache.
 Status open_textures(RenderState& state) {
   const Store& store = state.store;
-  if (!store.images().empty() || !store.face_textures().empty()) {
+  if (looks_up_images(store)) {
     const cache::TextureCache::Options options{state.plan.texture_bytes, state.options.direct_io,
                                                state.options.access_log != nullptr};
     SPILLWAY_ASSIGN(state.textures, cache::TextureCache::open(store.textures_path(), store.images(), options,

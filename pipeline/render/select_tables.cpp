@@ -4,6 +4,11 @@
 
 namespace spillway::pipeline {
 
+bool looks_up_images(const Store& store) {
+  return !store.face_textures().empty() ||
+         std::ranges::any_of(store.textures(), [](const TextureNode& node) { return node.kind == TextureKind::image; });
+}
+
 SelectedTextures::SelectedTextures(const Store& store, TextureFilter filter) : nodes_(store.textures()) {
   if (filter == TextureFilter::of_texture || nodes_.empty()) return;
   changed_ = Buffer<TextureNode>(MemoryTag::scene, nodes_.size());

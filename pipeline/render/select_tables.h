@@ -9,6 +9,9 @@
 
 namespace spillway::pipeline {
 
+// Whether textures are looked up in images: those of lights without a surface are in memory, and need no cache.
+[[nodiscard]] bool looks_up_images(const Store& store);
+
 // Memory: tag scene.
 class SelectedTextures {
  public:

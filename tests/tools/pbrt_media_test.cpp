@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "pipeline/pack/scene_packer.h"
 #include "shading/noise.h"
 #include "tests/tools/import_text.h"
 
@@ -62,6 +63,31 @@ TEST(PbrtMedia, what_glows_has_the_colour_of_a_light) {
   const Medium hot = medium_of(kGrid + "\"float temperature\" [1000 2000] \"float Lescale\" 3");
   EXPECT_EQ(hot.glow_kind, GlowKind::temperature);
   EXPECT_EQ(hot.glow, (Rgb{3, 3, 3}));
+}
+
+TEST(PbrtMedia, files_glow_by_the_grid_that_is_named) {
+  const std::string vdb = "\"string type\" \"openvdb\" \"string filename\" \"a.vdb\" ";
+  const auto volumes = [](const Imported& imported) {
+    std::vector<std::string> grids;
+    for (const pipeline::VolumeInput& volume : imported.sink.volumes) grids.push_back(volume.grid);
+    return grids;
+  };
+  const Imported shine =
+      import_medium(vdb + "\"string emissionname\" \"shine\" \"rgb Le\" [1 2 3] \"float LeScale\" 2");
+  ASSERT_EQ(shine.error, "");
+  EXPECT_EQ(volumes(shine), (std::vector<std::string>{"density", "shine"}));
+  EXPECT_EQ(shine.sink.media.at(0).medium.glow_kind, GlowKind::scaled);
+  EXPECT_EQ(shine.sink.media[0].medium.glow_volume, 1u);
+  EXPECT_EQ(shine.sink.media[0].medium.glow, (Rgb{2, 4, 6}));
+  EXPECT_EQ(import_medium(vdb + "\"string emissionname\" \"shine\"").sink.media.at(0).medium.glow, (Rgb{1, 1, 1}));
+  const Imported hot = import_medium(vdb + "\"string densityname\" \"smoke\" \"string temperaturename\" \"heat\"");
+  ASSERT_EQ(hot.error, "");
+  EXPECT_EQ(volumes(hot), (std::vector<std::string>{"smoke", "heat"}));
+  EXPECT_EQ(hot.sink.media.at(0).medium.glow_kind, GlowKind::temperature);
+  EXPECT_EQ(import_medium(vdb).sink.media.at(0).medium.glow_kind, GlowKind::none);
+  EXPECT_TRUE(
+      starts_with(import_medium(vdb + "\"string temperaturename\" \"heat\" \"string emissionname\" \"shine\"").error,
+                  "scene.pbrt:2:17: a medium has \"temperaturename\" or \"emissionname\", not both"));
 }
 
 // What would be left out of the picture is refused by name.
@@ -153,6 +179,50 @@ TEST(PbrtMedia, clouds_are_sampled_where_their_noise_can_be_seen) {
   EXPECT_NE(import_medium(cloud + "\"point3 p1\" [1 0 1]").error.find("along axis 1"), std::string::npos);
   EXPECT_NE(import_medium(cloud + "\"rgb Le\" [1 1 1]").error.find("has no parameter"), std::string::npos);
   EXPECT_NE(import_medium("\"string type\" \"fog\"").error.find("\"rgbgrid\", \"cloud\""), std::string::npos);
+}
+
+// Coefficients, samples, shapes of grids: each is named at its place.
+TEST(PbrtMedia, media_that_make_no_sense_are_refused) {
+  const auto expect = [](const std::string& world, const char* said) {
+    const std::string message = import_world(world).error;
+    EXPECT_TRUE(starts_with(message, "scene.pbrt:2:")) << message;
+    EXPECT_NE(message.find(said), std::string::npos) << world << ": " << message;
+  };
+  const auto medium = [](const std::string& parameters) { return "MakeNamedMedium \"m\" " + parameters; };
+  const std::string grid = "\"string type\" \"uniformgrid\" ";
+  expect(medium(grid + "\"float density\" nan"), "nan instead of a finite number");
+  expect(medium(grid + "\"float density\" inf"), "inf instead of a finite number");
+  expect(medium(grid + "\"float density\" 1e39"), "fits a 32-bit float");
+  expect(medium(grid), "without \"float density\"");
+  expect(medium(kFog + "\"rgb sigma_a\" [1e30 0 0] \"float scale\" 1e30"), "must be finite and not negative");
+  expect(medium(kFog + "\"float g\" -1"), "its g is -1");
+  expect(medium("\"string type\" \"openvdb\""), "takes \"string filename\"");
+  expect("Scale 1 0 1 " + medium(kFog), "singular");
+  expect("Transform [nan 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1] " + medium(kFog), "nan instead of a finite number");
+  expect("MediumInterface \"m\" \"\" " + std::string(kTriangle), "there is no medium");
+}
+
+std::string packing_error(const std::string& world) {
+  const auto scene = write_file("scene.pbrt", "WorldBegin\n" + world + "\n" + std::string(kTriangle));
+  auto packer = pipeline::ScenePacker::create(test_folder() / "a.store", {});
+  EXPECT_TRUE(packer);
+  ImportReport report;
+  Status status = import_pbrt(scene, **packer, {}, report);
+  if (status) status = (*packer)->finish();
+  return status ? "" : status.error().message;
+}
+
+// What only the samples or both transforms together tell.
+TEST(PbrtMedia, grids_that_cannot_be_packed_are_named) {
+  const std::string grid = "MakeNamedMedium \"m\" \"string type\" \"uniformgrid\" \"integer nx\" 2 \"float density\" ";
+  EXPECT_EQ(packing_error(grid + "[1 2]"), "");
+  EXPECT_NE(packing_error(grid + "[1 -2]").find("scene.pbrt:2:64: the sample at (1, 0, 0) is -2"), std::string::npos)
+      << packing_error(grid + "[1 -2]");
+  EXPECT_NE(packing_error(grid + "[1 2 3]").find("2 x 1 x 1 samples of one, but 3 numbers"), std::string::npos);
+  const std::string flat = packing_error(grid + "[1 2] \"point3 p1\" [1 0 1]");
+  EXPECT_NE(flat.find("medium \"m\": its transform, or its grid's, has no finite inverse"), std::string::npos) << flat;
+  const std::string tiny = packing_error("Scale 1e-25 1e-25 1e-25 " + grid + "[1 2] \"point3 p1\" [1e-15 1 1]");
+  EXPECT_NE(tiny.find("has no finite inverse"), std::string::npos) << tiny;
 }
 
 TEST(PbrtMedia, a_camera_without_a_medium_interface_says_none) {

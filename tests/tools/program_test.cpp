@@ -145,6 +145,37 @@ TEST_F(ProgramTest, an_environment_lights_the_scene) {
   expect_refused(spillway(render), {"sky.pfm", "finite"});
 }
 
+// Images of lights without a surface stay in memory: they are counted, and refused with what would do.
+TEST_F(ProgramTest, images_of_lights_count_towards_the_budget) {
+  const auto smallest_mib = [&](int edge, const std::string& light) {
+    std::string bytes = fmt::format("PF\n{} {}\n-1.0\n", edge, edge);
+    const float half = 0.5f;
+    for (int i = 0; i < 3 * edge * edge; ++i) bytes.append(reinterpret_cast<const char*>(&half), sizeof half);
+    write("light.pfm", bytes);
+    write("scene.pbrt", "Film \"rgb\" \"integer xresolution\" 16 \"integer yresolution\" 16 WorldBegin\nLightSource " +
+                            light + " \"string filename\" \"light.pfm\"\nShape \"disk\"\n");
+    EXPECT_EQ(spillway("pack scene.pbrt -o scene.store -q").code, 0);
+    fs::remove(folder_ / "out.exr");
+    const Ended refused = spillway("render scene.store -o out.exr --spp 1 -q --memory 130MiB");
+    expect_refused(refused, {"--memory 130.0 MiB: this frame needs at least "});
+    const double mib = std::stod(refused.said.substr(refused.said.find("at least ") + 9));
+    const Ended done = spillway(fmt::format("render scene.store -o out.exr --spp 1 -q --memory {}MiB --report r.json",
+                                            static_cast<int>(mib) + 1));
+    EXPECT_EQ(done.code, 0) << done.said;
+    std::ifstream file(folder_ / "r.json");
+    const auto memory = nlohmann::json::parse(file)["memory"];
+    EXPECT_GE(memory["peak_by_tag"]["lights"].get<double>(), 12.0 * edge * edge);
+    EXPECT_LT(memory["untagged_bytes"].get<double>(), 32 << 20);
+    // What the process holds before it begins differs from run to run.
+    const std::string tail = refused.said.substr(refused.said.find("at least ") + 9);
+    return mib - std::stod(tail.substr(tail.find('(') + 1));
+  };
+  const auto added_mib = [&](const std::string& light) { return smallest_mib(1024, light) - smallest_mib(4, light); };
+  EXPECT_NEAR(added_mib("\"infinite\""), 16, 0.3);  // texels and what samples them
+  EXPECT_NEAR(added_mib("\"goniometric\""), 12, 0.3);
+  EXPECT_NEAR(added_mib("\"projection\""), 12, 0.3);
+}
+
 TEST_F(ProgramTest, a_command_line_that_makes_no_sense_ends_with_two) {
   EXPECT_EQ(spillway("").code, 2);
   EXPECT_EQ(spillway("render").code, 2);

@@ -108,7 +108,12 @@ TEST_F(UsedParts, of_the_twins) {
                                                       {"many_lamps", kLamp + " tables.instances tables.light_tree"},
                                                       {"fog", kLamp + kGas + " stages.let_through tables.light_tree"},
                                                       {"smoke", kLamp + kGas + kGrid + " stages.let_through"},
-                                                      {"cloud_in_glass", kLight + kGas + kGrid}};
+                                                      {"cloud_in_glass", kLight + kGas + kGrid},
+                                                      {"colors", kLamp + kGas + kGrid + " stages.let_through"},
+                                                      {"nested", kLamp + kGas + " stages.let_through"},
+                                                      {"patches", kLight + " tables.images tables.environment"},
+                                                      {"projector", kLight + " tables.images"},
+                                                      {"screen", kLamp + kImage}};
   std::set<std::string> twins, listed;
   for (const auto& entry : fs::directory_iterator(kTwins))
     if (entry.path().extension() == ".pbrt") twins.insert(entry.path().stem());

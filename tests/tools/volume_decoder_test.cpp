@@ -164,9 +164,15 @@ TEST_F(VolumeDecoder, grids_that_are_no_density_are_refused_by_name) {
   const auto far = openvdb::FloatGrid::create(0);
   far->setName("far");
   far->getAccessor().setValue({1 << 24, 0, 0}, 1);
-  write_vdb(file("bad.vdb"), {negative, infinite, empty, vectors, far});
+  const openvdb::FloatGrid::Ptr none = smoke(NAN), frustum = smoke();
+  none->setName("none"), frustum->setName("frustum");
+  frustum->setTransform(openvdb::math::Transform::createFrustumTransform(
+      openvdb::BBoxd(openvdb::Vec3d(0, 0, 0), openvdb::Vec3d(100, 100, 100)), 0.5, 10));
+  write_vdb(file("bad.vdb"), {negative, infinite, empty, vectors, far, none, frustum});
   EXPECT_NE(refused(file("bad.vdb"), "negative").find("the sample at ("), std::string::npos);
   EXPECT_NE(refused(file("bad.vdb"), "infinite").find("must be finite"), std::string::npos);
+  EXPECT_NE(refused(file("bad.vdb"), "none").find("must be finite"), std::string::npos);
+  EXPECT_NE(refused(file("bad.vdb"), "frustum").find("a transform that is not affine"), std::string::npos);
   EXPECT_NE(refused(file("bad.vdb"), "empty").find("is empty"), std::string::npos);
   EXPECT_NE(refused(file("bad.vdb"), "vectors").find("float grids are possible"), std::string::npos);
   EXPECT_NE(refused(file("bad.vdb"), "far").find("between -1048576"), std::string::npos);

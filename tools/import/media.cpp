@@ -257,17 +257,32 @@ class MediumReader {
     return *added;
   }
 
-  // A temperature is asked for by name: a file may hold one that is not meant to glow.
+  // Glow, and temperature that glows, are asked for by name: a file may hold some that is not meant to.
   Status read_file(Medium& medium) {
     const Parameter* file = params_.find(ParamType::string, "filename");
     if (file == nullptr || file->strings.size() != 1)
       return error_at(name_.place, "a medium of a volume file takes \"string filename\"");
     SPILLWAY_ASSIGN(const std::string density, params_.string("densityname", "density"));
     SPILLWAY_ASSIGN(const std::string temperature, params_.string("temperaturename", ""));
+    SPILLWAY_ASSIGN(const std::string emission, params_.string("emissionname", ""));
     SPILLWAY_ASSIGN(medium.density_volume, add_grid(file->strings[0], density));
+    if (!emission.empty()) {
+      if (!temperature.empty())
+        return error_at(name_.place, "a medium has \"temperaturename\" or \"emissionname\", not both");
+      return read_file_emission(file->strings[0], emission, medium);
+    }
     if (temperature.empty()) return {};
     SPILLWAY_TRY(read_temperature(medium, "LeScale"));
     SPILLWAY_ASSIGN(medium.glow_volume, add_grid(file->strings[0], temperature));
+    return {};
+  }
+
+  // A grid of numbers that the colour "Le" is multiplied by.
+  Status read_file_emission(const std::string& file, const std::string& grid, Medium& medium) {
+    SPILLWAY_ASSIGN(const std::optional<Rgb> color, read_emission());
+    SPILLWAY_ASSIGN(const float scale, params_.real("LeScale", 1));
+    medium.glow_kind = GlowKind::scaled, medium.glow = color.value_or(Rgb{1, 1, 1}) * scale;
+    SPILLWAY_ASSIGN(medium.glow_volume, add_grid(file, grid));
     return {};
   }
 
