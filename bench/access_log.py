@@ -68,28 +68,30 @@ def read(path):
 
 
 def read_tiles(path):
-    """Of each wave the bytes of the tiles that it touched and that it read, and how many reads were not the wave's first."""
+    """Of each wave the tiles that it touched and read, their bytes, and how many reads were not the wave's first."""
     found = sections(path)
     tile_bytes = struct.unpack(f'<{len(found["tile_bytes"]) // 4}I', found['tile_bytes'])
     chunk = 0
     while f'tiles{chunk}' in found:
         lists = Lists(found[f'tiles{chunk}'])
         while lists.at < len(lists.data):
-            touched = sum(tile_bytes[tile] for tile in lists.next())
+            touched, read_tiles = set(lists.next()), set()
             read = again = tile = 0
             for _ in range(lists.number()):
                 tile += lists.number()
                 times = lists.number()
                 read += tile_bytes[tile] * times
                 again += times - 1
-            yield {'touched': touched, 'read': read, 'again': again}
+                read_tiles.add(tile)
+            yield {'touched': sum(tile_bytes[tile] for tile in touched), 'read': read, 'again': again,
+                   'touched_tiles': touched, 'read_tiles': read_tiles}
         chunk += 1
 
 
 def recount(path):
     pages, blocks, waves = read(path)
     touched = sum(pages[p] for wave in waves for p in wave['swept'])
-    tiles = list(read_tiles(path))
+    tiles = [{what: tiles[what] for what in ('touched', 'read', 'again')} for tiles in read_tiles(path)]
     return {
         'waves': len(waves),
         'sweeps': sum(1 for wave in waves if wave['swept']),
@@ -122,7 +124,7 @@ def disagreements(counts, report):
     for number, (tiles, wave) in enumerate(zip(counts['tiles_by_wave'], report['waves'])):
         other = wave.get('textures', {})
         if (tiles['touched'], tiles['read']) != (other.get('wave_unique_bytes', 0), other.get('bytes_read', 0)):
-            found.append(f'tiles of wave {number}: the log says {tiles}, the report {other}')
+            found.append(f'tiles of wave {number}: the log says {tiles["touched"]} touched, {tiles["read"]} read, the report {other}')
     others = sum(use['read_bytes'] for what, use in report['io']['by_purpose'].items()
                  if what not in ('pages', 'attributes', 'textures'))
     ratio = (sum(mine for _, mine, _ in said) + others) / max(1, report['io']['process_read_bytes'])

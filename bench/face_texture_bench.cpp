@@ -358,9 +358,8 @@ void frame(const fs::path& folder, uint32_t n) {
   fmt::print("| constant colour | {:.2f} | 1 |\n", constant);
   options.settings = painted.settings();
   print_frame("textures in memory", value_of(pipeline::render_image(painted, options)).report, constant);
-  const uint64_t all = cache::TextureCache::bytes_for_all({}, painted.face_containers());
   for (const uint64_t part : {10, 20}) {
-    options.plan.texture_bytes = all - bytes + bytes / part;
+    options.plan.texture_bytes = bytes / part;
     print_frame(fmt::format("textures within {} %", 100 / part).c_str(),
                 value_of(pipeline::render_image(painted, options)).report, constant);
   }

@@ -2,9 +2,9 @@
 
 // One lookup in a face texture: which level, and which texels of the face and of its neighbours.
 //
-// Inside a level texels are blended bilinearly, of triangles by their distance in the lattice. Beyond an edge lies the
-// neighbour's level whose texels are as large as ours or larger; where it has such ones alone, the texel that holds the
-// place. What lies beyond a corner where not four quads meet has no part; nor has what lies beyond a triangle's border.
+// Inside a level texels are blended bilinearly, of triangles by their distance in the lattice. Beyond an edge lies what
+// the neighbour has in an area as large as one of our texels; where its own are larger, the texel that holds the place.
+// What lies beyond a corner where not four quads meet has no part; nor has what lies beyond a triangle's border.
 
 #include <array>
 #include <cstdint>

@@ -231,12 +231,15 @@ void PartStore::State::finish(Read& read, const Status& status) {
 
 // ---- sweeping ----
 
+// Which parts stay does not depend on the direction of the sweep.
 void PartStore::State::plan_reads(std::span<const uint32_t> wanted_parts) {
+  const bool descends = wanted_parts.size() > 1 && wanted_parts.front() > wanted_parts.back();
+  const auto ascending = [&](size_t i) { return wanted_parts[descends ? wanted_parts.size() - 1 - i : i]; };
   size_t count = 0;
   for (size_t i = 0; i < wanted_parts.size(); ++i) {
-    const uint32_t part = wanted_parts[i];
+    const uint32_t part = ascending(i);
     SPILLWAY_CHECK(part, <, parts.size());
-    if (i > 0) SPILLWAY_CHECK(wanted_parts[i - 1], <, part);
+    if (i > 0) SPILLWAY_CHECK(ascending(i - 1), <, part);
     residency.ask(part);
     if (!slots[part].memory.empty()) continue;
     if (count == reads.size()) reads.emplace_back();
@@ -247,6 +250,7 @@ void PartStore::State::plan_reads(std::span<const uint32_t> wanted_parts) {
     if (!read.kept && ring.empty()) ring = Ring(options.tag, residency.ring_bytes());
   }
   if (count == 0) return;
+  if (descends) std::reverse(reads.begin(), reads.begin() + static_cast<ptrdiff_t>(count));
   start_readers();
   {
     const std::lock_guard lock(mutex);

@@ -74,8 +74,8 @@ class PartStore {
   // Called when a part becomes resident or leaves (empty span): lets the owner keep views.
   void on_residency(std::function<void(uint32_t part, std::span<const std::byte> bytes)> callback);
 
-  // Visits `parts` (ascending, without duplicates), resident ones included, in file order; each part that is not
-  // resident is read exactly once and kept when there is room. The bytes are valid during the visit only.
+  // Visits `parts` (ascending or descending, without duplicates), resident ones included, in this order; each part that
+  // is not resident is read exactly once and kept when there is room. The bytes are valid during the visit only.
   using Visit = std::function<Status(uint32_t part, std::span<const std::byte> bytes)>;
   Status sweep(std::span<const uint32_t> parts, const Visit& visit);
 

@@ -55,13 +55,9 @@ const Tables& tables() {
   return t;
 }
 
-// Beside tiles: what the library holds, and tables of ours (24 bytes a face, 21 a tile with what it counts).
-uint64_t overhead_bytes(size_t image_count, std::span<const FaceContainerInfo> containers) {
-  uint64_t bytes =
-      image_count * kBytesPerFile + std::min<size_t>(image_count, TileCache::kOpenHandles) * kBytesPerHandle;
-  for (const FaceContainerInfo& c : containers)
-    bytes += kBytesPerFile + c.image_count * kBytesPerSubimage + c.face_count * 24 + c.tile_count * 21;
-  return bytes;
+// The limit that leaves so many bytes to tiles: an eighth of it is for what is read ahead.
+uint64_t limit_for(uint64_t tile_bytes, bool has_containers) {
+  return tile_bytes + (has_containers ? std::min(kMostStagedBytes, tile_bytes / 7) : 0);
 }
 
 struct Image {
@@ -111,7 +107,7 @@ struct TextureCache::State {
   std::vector<FaceTexture> faces;
   tbb::enumerable_thread_specific<std::unique_ptr<TileThread>> threads;
   std::vector<TextureCounters> staged;  // bytes read ahead, by owner
-  uint64_t stage_limit_bytes = 0, overhead = 0;
+  uint64_t stage_limit_bytes = 0;
   mutable uint64_t most_wave_bytes = 0;
   MemoryClaim claim;
 
@@ -215,13 +211,21 @@ TextureCache::TextureCache(std::unique_ptr<State> state) : state_(std::move(stat
 TextureCache::~TextureCache() = default;
 
 uint64_t TextureCache::bytes_for_all(std::span<const ImageInfo> images, std::span<const FaceContainerInfo> containers) {
-  uint64_t bytes = images.empty() && containers.empty() ? 0 : overhead_bytes(images.size(), containers);
+  uint64_t bytes = 0;
   for (const ImageInfo& image : images)
     for (uint32_t level = 0; level < image.levels; ++level) bytes += tiles_of_level(image, level) * tile_bytes(image);
-  uint64_t face_bytes = 0;
-  for (const FaceContainerInfo& c : containers) face_bytes += c.tile_count * c.tile_bytes;
-  // An eighth of the limit is for what is read ahead.
-  return bytes + face_bytes + std::min(kMostStagedBytes, (bytes + face_bytes) / 7) * (containers.empty() ? 0 : 1);
+  for (const FaceContainerInfo& c : containers) bytes += c.tile_count * c.tile_bytes;
+  return limit_for(bytes, !containers.empty());
+}
+
+// What the library holds, and tables of ours (24 bytes a face, 21 a tile with what it counts).
+uint64_t TextureCache::bytes_beside_tiles(std::span<const ImageInfo> images,
+                                          std::span<const FaceContainerInfo> containers) {
+  uint64_t bytes =
+      images.size() * kBytesPerFile + std::min<size_t>(images.size(), TileCache::kOpenHandles) * kBytesPerHandle;
+  for (const FaceContainerInfo& c : containers)
+    bytes += kBytesPerFile + c.image_count * kBytesPerSubimage + c.face_count * 24 + c.tile_count * 21;
+  return bytes;
 }
 
 namespace {
@@ -245,12 +249,11 @@ Result<std::unique_ptr<TextureCache>> TextureCache::open(const std::filesystem::
                                                          std::span<const ImageInfo> images, Options options,
                                                          std::span<const FaceContainerInfo> containers,
                                                          std::span<const FaceTextureInfo> face_textures) {
-  const uint64_t staged = containers.empty() ? 0 : std::min(options.memory_limit_bytes / 8, kMostStagedBytes);
-  const uint64_t beside = overhead_bytes(images.size(), containers) + staged;
-  const uint64_t tiles =
-      options.memory_limit_bytes > beside + (1 << 20) ? options.memory_limit_bytes - beside : 1 << 20;
+  const uint64_t limit = options.memory_limit_bytes;
+  const uint64_t staged = containers.empty() ? 0 : std::min(limit / 8, kMostStagedBytes);
+  const uint64_t tiles = std::max<uint64_t>(limit - staged, 1 << 20);
   auto state = std::make_unique<State>(tiles);
-  state->stage_limit_bytes = staged, state->overhead = beside;
+  state->stage_limit_bytes = staged;
   uint64_t next_tile = 0;
   for (const ImageInfo& info : images) {
     Image image{info, {}, {}, {}};
@@ -287,7 +290,7 @@ Result<std::unique_ptr<TextureCache>> TextureCache::open(const std::filesystem::
   const auto owners = static_cast<uint32_t>(images.size() + face_textures.size());
   state->cache.begin(owners, options.is_logged);
   state->staged.resize(owners);
-  const uint64_t claimed = std::min(options.memory_limit_bytes, bytes_for_all(images, containers));
+  const uint64_t claimed = std::min(limit, bytes_for_all(images, containers)) + bytes_beside_tiles(images, containers);
   const uint64_t counted = tables + staged;  // in buffers, which count for themselves
   state->claim = MemoryClaim(MemoryTag::textures, claimed > counted ? claimed - counted : 0);
   return std::unique_ptr<TextureCache>(new TextureCache(std::move(state)));
@@ -414,7 +417,18 @@ TextureCounters TextureCache::counters() const {
 
 uint64_t TextureCache::limit_for_waves() const {
   state_->most_wave_bytes = std::max(state_->most_wave_bytes, counters().wave_decoded_bytes);
-  return state_->overhead + state_->most_wave_bytes;
+  return limit_for(state_->most_wave_bytes, !state_->containers.empty());
+}
+
+uint64_t TextureCache::limit_for_touched() const {
+  uint64_t bytes = 0;
+  const std::vector<TextureCounters> counters = counters_by_texture();
+  const size_t image_count = state_->images.size();
+  for (size_t i = 0; i < counters.size(); ++i) {
+    const TileFile& tiles = i < image_count ? state_->images[i].tiles : *state_->faces[i - image_count].tiles;
+    bytes += counters[i].tiles_touched * tiles.tile_bytes;
+  }
+  return limit_for(bytes, !state_->containers.empty());
 }
 
 }  // namespace spillway::cache

@@ -3,9 +3,9 @@
 // Packed images, looked up in blocks through OpenImageIO's tile cache.
 //
 // Owns: its images in the process's one OpenImageIO ImageCache; with two of these at a time the later limit holds.
-// Memory: tag textures, limit Options::memory_limit_bytes, which covers what the library holds beside its tiles (about
-// 20 KiB a file, 1 MiB an open handle of an image and 4 KiB a subimage of face textures), the tables of face textures
-// and an eighth, 16 MiB at most, for what is read ahead.
+// Memory: tag textures: Options::memory_limit_bytes, of which, where there are face textures, an eighth, 16 MiB at
+// most, is for what is read ahead; and bytes_beside_tiles(): what the library holds besides (about 20 KiB a file, 1 MiB
+// an open handle of an image and 4 KiB a subimage of face textures) and the tables of face textures.
 // Threads: look_up may be called from any number of threads at once, one block each; no lock of ours is held over I/O.
 // Fails: a missing or damaged image fails open() or look_up() with the file's name; never a black texel instead.
 // Bits: a value depends on the image and the request alone, not on the budget, the block or the thread.
@@ -97,7 +97,7 @@ static_assert(sizeof(FaceTextureInfo) == 36);
 class TextureCache {
  public:
   struct Options {
-    uint64_t memory_limit_bytes = 256 << 20;  // larger: fewer tiles are read again
+    uint64_t memory_limit_bytes = 256 << 20;  // of tiles; larger: fewer are read again. A MiB at least
     bool direct = false;                      // face textures bypass the page cache where possible
     bool is_logged = false;                   // what waves read is asked for by tile: four bytes more a tile
   };
@@ -106,9 +106,12 @@ class TextureCache {
                                                     std::span<const FaceContainerInfo> containers = {},
                                                     std::span<const FaceTextureInfo> face_textures = {});
   ~TextureCache();
-  // What all tiles of all levels take decoded, with what the library holds beside them: a limit that never bites.
+  // A limit that never bites: all tiles of all levels decoded, and what is read ahead.
   [[nodiscard]] static uint64_t bytes_for_all(std::span<const ImageInfo> images,
                                               std::span<const FaceContainerInfo> containers = {});
+  // Taken whatever the limit.
+  [[nodiscard]] static uint64_t bytes_beside_tiles(std::span<const ImageInfo> images,
+                                                   std::span<const FaceContainerInfo> containers);
 
   // values[i] answers requests[i]. Fastest when neighbours in the block share tiles. users[i]: who asks, where first
   // users are noted.
@@ -139,8 +142,9 @@ class TextureCache {
   [[nodiscard]] WaveTileUse wave_tiles() const;
   // What each tile takes in its file, as TextureCounters count it.
   [[nodiscard]] std::vector<uint32_t> file_bytes_of_tiles() const;
-  // The limit that would hold all tiles that the most demanding wave so far touched.
+  // The limit that would hold all tiles that the most demanding wave so far touched; and all that were ever touched.
   [[nodiscard]] uint64_t limit_for_waves() const;
+  [[nodiscard]] uint64_t limit_for_touched() const;
 
  private:
   struct State;

@@ -153,8 +153,12 @@ const std::byte* TileThread::fetch(const TileFile& file, uint32_t subimage, uint
 
 // ---- the cache ----
 
+// Some builds of the library hold ten MiB at least: it is asked what it does.
 TileCache::TileCache(uint64_t tile_limit_bytes) : limit_bytes_(std::max<uint64_t>(tile_limit_bytes, 1 << 20)) {
   process_cache().attribute("max_memory_MB", static_cast<float>(static_cast<double>(limit_bytes_) / (1 << 20)));
+  float held_mib = 0;
+  if (process_cache().getattribute("max_memory_MB", held_mib))
+    limit_bytes_ = std::max(limit_bytes_, static_cast<uint64_t>(static_cast<double>(held_mib) * (1 << 20)));
 }
 
 TileCache::~TileCache() {
@@ -214,7 +218,7 @@ bool TileCache::is_full() {
 
 bool TileCache::probably_holds(uint64_t number, uint64_t tile_bytes) const {
   if (used_at_[number] == 0) return false;
-  return !is_full_ || reads_.load(std::memory_order_relaxed) - used_at_[number] < limit_bytes_ / tile_bytes / 2;
+  return !is_full_ || reads_.load(std::memory_order_relaxed) - used_at_[number] < limit_bytes_ / tile_bytes;
 }
 
 void TileCache::begin_wave() {

@@ -128,7 +128,8 @@ class TileCache {
   void log_read(uint64_t number, uint32_t times) {
     if (!reads_of_tile_.empty()) std::atomic_ref(reads_of_tile_[number]).fetch_add(times, std::memory_order_relaxed);
   }
-  // A guess: it was in use within the last half of the tiles that the limit holds, or nothing has had to leave yet.
+  // A guess: it was in use within as many reads as the limit holds tiles, or nothing has had to leave yet. One that is
+  // held and thought to be gone is read for nothing; one that is gone and thought to be held is read by itself.
   [[nodiscard]] bool probably_holds(uint64_t number, uint64_t tile_bytes) const;
   bool is_full();  // tiles have had to leave, or soon will
   [[nodiscard]] std::unique_ptr<TileThread> make_thread() { return std::make_unique<TileThread>(*this); }

@@ -37,7 +37,7 @@ struct RenderArguments {
   uint64_t wave_paths = 0, parked_rays = 0;
   double time_limit = 0, error = 0;
   bool has_seed = false, independent = false, aovs = false, halves = false, costs = false, direct = false,
-       no_sort_rays = false, no_sort_hits = false, no_roulette = false, json = false;
+       no_sort_rays = false, no_sort_hits = false, no_turn_hits = false, no_roulette = false, json = false;
   bool no_read_ahead = false, no_resident_first = false, no_park = false, no_tops = false, no_top_up = false;
   uint32_t hit_batch = 0;
   std::string access_log;
@@ -97,6 +97,7 @@ Result<RenderOptions> render_options(const RenderArguments& arguments, const Sto
   options.sort_rays = !arguments.no_sort_rays;
   options.sort_hits = !arguments.no_sort_hits;
   options.hit_batch_rays = arguments.hit_batch;
+  options.turn_hits = !arguments.no_turn_hits;
   options.read_ahead = !arguments.no_read_ahead;
   options.resident_first = !arguments.no_resident_first;
   options.park_rays = !arguments.no_park;
@@ -300,6 +301,7 @@ void add_performance(CLI::App& command, RenderArguments& a) {
   command.add_flag("--no-sort-rays", a.no_sort_rays, "trace rays in the order they were made");
   command.add_flag("--no-sort-hits", a.no_sort_hits, "shade hits in the order in which they arrive");
   command.add_option("--hit-batch", a.hit_batch, "sort the hits of so many rays together [of the wave]");
+  command.add_flag("--no-turn-hits", a.no_turn_hits, "never shade sorted hits from the last to the first");
   command.add_flag("--no-read-ahead", a.no_read_ahead, "read a page when the sweep comes to it");
   command.add_flag("--no-resident-first", a.no_resident_first, "sweep resident pages with the others");
   command.add_flag("--no-page-tops", a.no_tops, "know the boxes alone of pages that are not in memory");

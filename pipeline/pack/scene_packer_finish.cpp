@@ -228,7 +228,9 @@ Status ScenePacker::write_light_images(Packed& packed) {
 
 Status ScenePacker::open_images(Packed& packed) const {
   if (packed.images.empty()) return {};
-  const cache::TextureCache::Options options{.memory_limit_bytes = options_.memory_limit_bytes / 8};
+  const uint64_t share = options_.memory_limit_bytes / 8;
+  const uint64_t beside = cache::TextureCache::bytes_beside_tiles(packed.images, {});
+  const cache::TextureCache::Options options{.memory_limit_bytes = share - std::min(share, beside)};
   SPILLWAY_ASSIGN(packed.textures, cache::TextureCache::open(directory_ / kTexturesDirectory, packed.images, options));
   return {};
 }

@@ -67,6 +67,7 @@ SceneFacts scene_facts(const Store& store, const RenderOptions& options) {
   }
   for (const MemoryTag tag : {MemoryTag::scene, MemoryTag::page_tree, MemoryTag::lights, MemoryTag::trace_log})
     facts.table_bytes += memory_use(tag).current_bytes;  // held since the store was opened
+  facts.table_bytes += cache::TextureCache::bytes_beside_tiles(store.images(), store.face_containers());
   facts.film_bytes = Film::bytes(film_shape(options.settings, options.aov_layers));
   if (options.cost_layers) {
     facts.film_bytes += PixelCosts::bytes(film_shape(options.settings, options.aov_layers), store.meshes().size(),

@@ -234,6 +234,21 @@ Result<Plan> plan_render(const SceneFacts& facts, const PlanOptions& options, co
                bytes_text(facts.film_bytes), bytes_text(facts.table_bytes));
 }
 
+uint64_t budget_for_textures(const SceneFacts& facts, PlanOptions options, uint64_t texture_bytes) {
+  const auto is_enough = [&](uint64_t budget) {
+    options.memory_bytes = budget;
+    const Result<Plan> plan = plan_render(facts, options);
+    return plan && plan->texture_bytes >= texture_bytes;
+  };
+  constexpr uint64_t kMost = uint64_t{1} << 50;
+  uint64_t enough = kMiB;
+  while (enough < kMost && !is_enough(enough)) enough *= 2;
+  if (enough == kMost) return 0;
+  for (uint64_t step = enough / 4; step >= kMiB; step /= 2)
+    if (is_enough(enough - step)) enough -= step;
+  return enough;
+}
+
 std::string bytes_text(uint64_t bytes) {
   if (bytes >= (1ull << 30)) return fmt::format("{:.2f} GiB", static_cast<double>(bytes) / (1ull << 30));
   if (bytes >= kMiB) return fmt::format("{:.1f} MiB", static_cast<double>(bytes) / kMiB);

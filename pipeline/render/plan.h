@@ -14,9 +14,9 @@ namespace spillway::pipeline {
 struct SceneFacts {
   uint64_t trace_bytes = 0, largest_page_bytes = 0;
   uint64_t attribute_bytes = 0, largest_attribute_block_bytes = 0;
-  uint64_t texture_bytes = 0;  // decoded tiles of all images and levels, and what the library holds beside them
+  uint64_t texture_bytes = 0;  // decoded tiles of all images, levels and face textures, and what is read ahead of them
   uint64_t volume_bytes = 0, largest_brick_bytes = 0;
-  uint64_t table_bytes = 0;    // manifest tables, page tree, lights
+  uint64_t table_bytes = 0;    // manifest tables, page tree, lights, what textures take beside their tiles
   uint64_t film_bytes = 0;
   uint64_t pixel_count = 0;
   uint32_t samples_per_pixel = 1;
@@ -71,6 +71,9 @@ inline constexpr uint64_t kInCoreWavePaths = 64 << 10;
 
 // Fails when the budget is too small, naming the smallest that would do.
 Result<Plan> plan_render(const SceneFacts& facts, const PlanOptions& options, const Rates& rates = {});
+
+// The least budget found, in whole MiB, at which textures get so many bytes; 0: none, for their share is fixed below.
+[[nodiscard]] uint64_t budget_for_textures(const SceneFacts& facts, PlanOptions options, uint64_t texture_bytes);
 
 // For people: one line a fact.
 [[nodiscard]] std::string describe(const Plan& plan);

@@ -135,6 +135,7 @@ class RenderLoop {
     if (wave.shadows.ends) SPILLWAY_TRY(wave.shadows.ends->finish());
     cache::ExternalSort<HitRecord>& hits = hits_;
     hits.clear();
+    state_.inputs.hits_descend = turns_hits() && report_.waves.size() % 2 == 1;
     SPILLWAY_TRY(tracer_.trace(wave, report));
     log_wave(wave, report);
     if (report_.has_media) SPILLWAY_TRY(track_wave(wave, report));
@@ -167,6 +168,16 @@ class RenderLoop {
     return {};
   }
 
+  // Tiles leave memory in about the order in which they were used. A wave that goes through the file as the last one did
+  // asks for each of them after it has left; one that turns back begins with those that are there.
+  [[nodiscard]] bool turns_hits() const {
+    const RenderOptions& o = state_.options;
+    return o.turn_hits && o.sort_hits && o.hit_batch_rays == 0 && state_.textures != nullptr;
+  }
+  [[nodiscard]] HitOrder hit_order() const {
+    return {state_.options.sort_hits, state_.options.hit_batch_rays, state_.inputs.hits_descend};
+  }
+
   // Only in scenes that have media: elsewhere there are no results, and nothing looks for them.
   Status track_wave(const Wave& wave, WaveReport& report) {
     const StageTimer timer("track_media", report.track_seconds);
@@ -185,7 +196,7 @@ class RenderLoop {
     const StageTimer timer("route_hits", report.route_seconds);
     SPILLWAY_TRY(route_hits(state_.inputs.settings, tracer_.traced_paths(wave, track_scratch_.path_results),
                             tracer_.traced_shadows(wave, track_scratch_.shadow_results), hits, *state_.film, route_scratch_,
-                            report_.route, {state_.options.sort_hits, state_.options.hit_batch_rays}, state_.costs.get()));
+                            report_.route, hit_order(), state_.costs.get()));
     if (state_.plan.spills) tracer_.give_back();
     return {};
   }

@@ -38,6 +38,8 @@ struct RenderOptions {
   bool sort_rays = true;             // off: rays are traced in the order they were made (ablation)
   bool sort_hits = true;             // off: hits are shaded in the order in which they arrive (ablation)
   uint32_t hit_batch_rays = 0;       // hits of so many rays are sorted together; 0: of the wave (ablation)
+  bool turn_hits = true;             // off: where there are textures, every wave shades its hits in the order of the
+                                     // file, not every other one against it (ablation)
   bool cost_layers = false;          // counts what each pixel costs, see pixel_costs.h
   bool read_ahead = true;            // off: a page is read when the sweep comes to it (ablation)
   bool resident_first = true;        // off: resident pages are swept in file order with the others (ablation)

@@ -235,6 +235,7 @@ std::string report_json(const RenderReport& r, const std::string& scene) {
   }
   if (r.has_textures)
     report["textures"] = textures_json(r.textures);
+  if (!r.texture_advice.empty()) report["textures"]["advice"] = r.texture_advice;
   for (const TextureReport& t : r.by_texture) {
     if (t.counters.lookups == 0) continue;
     json one = textures_json(t.counters);
@@ -274,9 +275,8 @@ std::string report_table(const RenderReport& r) {
     text += fmt::format("  {:<14} {:>10} read, {} unique; {} lookups, {} tiles, {} of them again\n", "textures",
                         bytes_text(r.textures.bytes_read), bytes_text(r.textures.unique_bytes), r.textures.lookups,
                         r.textures.tiles_read, r.textures.tiles_read_again);
-  if (r.texture_budget_bytes > 0)
-    text += fmt::format("  warning: texture tiles were read again in a wave; --memory {} would stop it\n",
-                        bytes_text(r.texture_budget_bytes));
+  if (!r.texture_advice.empty())
+    text += fmt::format("  warning: texture tiles were read again in a wave; {} would stop it\n", r.texture_advice);
   text += fmt::format("spilled\n  {} written, {} of scratch at most\n", bytes_text(r.spilled_bytes),
                       bytes_text(r.scratch_peak_bytes));
   text += costs_lines(r) + left_out_line(r) + "memory, peak\n";

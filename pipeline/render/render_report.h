@@ -73,7 +73,7 @@ struct RenderReport {
   cache::PartStoreCounters pages, attributes, volumes;
   cache::TextureCounters textures;
   std::vector<TextureReport> by_texture;  // images, then face textures
-  uint64_t texture_budget_bytes = 0;     // the budget that would keep tiles from being read again; 0: few are
+  std::string texture_advice;  // the option that would keep tiles from being read again in a wave; empty: few are
   bool has_textures = false;
   std::vector<NamedCost> costs;           // totals of the cost layers, when they were asked for;
   std::vector<NamedCost> dearest_meshes;  // number and name, scatterings: ten at most

@@ -156,14 +156,15 @@ void connect(RenderState& state) {
 
 Status open_render_state(RenderState& state) {
   const RenderOptions& options = state.options;
-  PlanOptions plan_options = options.plan;
+  PlanOptions& plan_options = state.plan_options;
+  plan_options = options.plan;
   plan_options.floor_bytes = memory_floor_bytes();
   // A log speaks for any budget: its waves must not depend on what is in memory.
   plan_options.parks = options.park_rays && options.access_log == nullptr;
-  const SceneFacts facts = scene_facts(state.store, options);
-  SPILLWAY_ASSIGN(state.plan, plan_render(facts, plan_options));
+  state.facts = scene_facts(state.store, options);
+  SPILLWAY_ASSIGN(state.plan, plan_render(state.facts, plan_options));
   if (AccessLog* const log = options.access_log) {
-    log->facts.scene = facts;
+    log->facts.scene = state.facts;
     log->facts.scene.table_bytes -= memory_use(MemoryTag::trace_log).current_bytes;  // of this run
   }
   if (options.hit_sort_bytes != 0) state.plan.hit_bytes = options.hit_sort_bytes;
@@ -223,6 +224,19 @@ cache::PartStoreCounters gained(cache::PartStoreCounters now, const cache::PartS
   return now;
 }
 
+// What would hold the tiles of a wave. A larger budget may come with larger waves: then, all that the frame touched.
+std::string texture_advice(const RenderState& state) {
+  const uint64_t of_waves = state.textures->limit_for_waves(), of_frame = state.textures->limit_for_touched();
+  const auto whole_mib = [](uint64_t bytes) { return (bytes + (1 << 20) - 1) >> 20; };
+  if (state.plan_options.texture_bytes != 0) return fmt::format("--texture-share {}MiB", whole_mib(of_waves));
+  PlanOptions options = state.plan_options;
+  options.memory_bytes = budget_for_textures(state.facts, options, of_waves);
+  const Result<Plan> plan = plan_render(state.facts, options);
+  const bool has_larger_waves = plan && plan->wave_paths > state.plan.wave_paths;
+  return fmt::format("--memory {}MiB", whole_mib(has_larger_waves ? budget_for_textures(state.facts, options, of_frame)
+                                                                  : options.memory_bytes));
+}
+
 void fill_texture_report(const RenderState& state, const CountersBefore& before, RenderReport& report) {
   const std::vector<cache::TextureCounters> now = state.textures->counters_by_texture();
   const size_t image_count = state.store.images().size();
@@ -234,10 +248,8 @@ void fill_texture_report(const RenderState& state, const CountersBefore& before,
     report.by_texture.push_back({std::move(name), is_face, cache::gained(now[i], before.textures[i])});
     report.textures += report.by_texture.back().counters;
   }
-  const uint64_t wanted = state.textures->limit_for_waves();
   const bool thrashes = report.textures.tiles_read_again * 20 > report.textures.wave_tiles_touched;
-  if (thrashes && wanted > state.plan.texture_bytes)
-    report.texture_budget_bytes = state.plan.memory_bytes + (wanted - state.plan.texture_bytes);
+  if (thrashes) report.texture_advice = texture_advice(state);
 }
 
 // The first ten of what cost most, ties in order.

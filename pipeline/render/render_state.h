@@ -33,7 +33,9 @@ struct RenderState {
 
   const Store& store;
   const RenderOptions& options;
-  Plan plan = {};
+  SceneFacts facts;
+  PlanOptions plan_options;
+  Plan plan = {};  // of these
   std::unique_ptr<cache::Scratch> scratch;
   std::unique_ptr<cache::PartStore> page_parts;
   std::unique_ptr<PageViews> pages;

@@ -89,7 +89,10 @@ HitRecord medium_hit(const cache::TraceRay& ray, const PathRecord& path, float d
 // Batches follow the order of rays; inside, the triangle comes first.
 static cache::SortKey key_in(const HitOrder& order, const HitRecord& hit, size_t ray) {
   if (!order.is_sorted) return {uint64_t{hit.hit.prim == kMediumPrim} << 32 | ray, 0};
-  if (order.batch_rays == 0) return hit_key(hit);
+  if (order.batch_rays == 0) {
+    const cache::SortKey key = hit_key(hit);
+    return order.descends ? cache::SortKey{~key.high, ~key.low} : key;
+  }
   return {uint64_t{ray / order.batch_rays} << 32 | hit.hit.prim, ray};
 }
 

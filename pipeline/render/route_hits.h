@@ -69,6 +69,7 @@ struct RouteHitsScratch {
 struct HitOrder {
   bool is_sorted = true;
   uint32_t batch_rays = 0;  // hits of so many rays are sorted together, one batch after the other; 0: all
+  bool descends = false;    // of all that are sorted together the last comes first
 };
 
 // pixel_costs: each ray's cost is added to its pixel; null: none is.

@@ -11,6 +11,7 @@
 
 #include "cache/base/check.h"
 #include "cache/base/parallel.h"
+#include "pipeline/render/hit_runs.h"
 
 namespace spillway::pipeline {
 namespace {
@@ -328,27 +329,6 @@ class Shader {
   Status failure_;
 };
 
-// Hits in media are the last of all; they have no attributes.
-std::pair<std::span<const HitRecord>, std::span<const HitRecord>> surfaces_and_media(std::span<const HitRecord> hits) {
-  const auto first = std::partition_point(hits.begin(), hits.end(),
-                                          [](const HitRecord& h) { return h.hit.prim != kMediumPrim; });
-  const auto count = static_cast<size_t>(first - hits.begin());
-  return {hits.first(count), hits.subspan(count)};
-}
-
-// The attribute blocks that these sorted hits need, ascending.
-std::vector<uint32_t> blocks_touched(std::span<const HitRecord> hits, const AttributeStore& attributes) {
-  std::vector<uint32_t> blocks;
-  for (size_t i = 0; i < hits.size();) {
-    const uint32_t block = attributes.block_of(hits[i].hit.prim);
-    blocks.push_back(block);
-    const uint64_t end = attributes.end_prim(block);
-    i = std::partition_point(hits.begin() + i, hits.end(), [&](const HitRecord& h) { return h.hit.prim < end; }) -
-        hits.begin();
-  }
-  return blocks;
-}
-
 }  // namespace
 
 InstanceTransform instance_transform(const ShadeInputs& inputs, const HitRecord& hit, Pose& moved) {
@@ -378,31 +358,29 @@ Status shade_hits(const ShadeInputs& inputs, cache::ExternalSort<HitRecord>& hit
                                       next_paths, next_shadows, report));
     return {};
   };
-  // Hits of ascending triangles: their blocks follow each other in the file.
+  // The blocks of sorted hits follow each other in the file, forwards or backwards.
+  const bool descends = inputs.hits_descend;
   const auto shade_run = [&](std::span<const HitRecord> all) -> Status {
-    const auto [on_surfaces, in_media] = surfaces_and_media(all);
+    const auto [on_surfaces, in_media] = surfaces_and_media(all, descends);
     SPILLWAY_TRY(shade_range(in_media, {}));
-    const std::span<const HitRecord> run = on_surfaces;  // a lambda holds no structured binding
+    std::span<const HitRecord> run = on_surfaces;
     if (run.empty()) return {};
     const bool resident = attributes.parts().all_resident();
-    const std::vector<uint32_t> blocks =
-        resident && scratch.touched_blocks == nullptr ? std::vector<uint32_t>{} : blocks_touched(run, attributes);
+    const std::vector<uint32_t> blocks = resident && scratch.touched_blocks == nullptr
+                                             ? std::vector<uint32_t>{}
+                                             : blocks_touched(run, attributes, descends);
     if (scratch.touched_blocks)
       scratch.touched_blocks->insert(scratch.touched_blocks->end(), blocks.begin(), blocks.end());
     if (resident) return shade_range(run, {});
     report.attribute_blocks_touched += blocks.size();
-    size_t first = 0;
     return attributes.parts().sweep(blocks, [&](uint32_t block, std::span<const std::byte> bytes) -> Status {
-      const uint64_t end = attributes.end_prim(block);
-      size_t last = first;
-      while (last < run.size() && run[last].hit.prim < end) ++last;
-      const auto range = run.subspan(first, last - first);
-      first = last;
-      return shade_range(range, bytes);
+      const auto in_block = run.first(hits_in_block(run, attributes, block, descends));
+      run = run.subspan(in_block.size());
+      return shade_range(in_block, bytes);
     });
   };
   const auto shade_unsorted = [&](std::span<const HitRecord> all) -> Status {
-    const auto [surfaces, in_media] = surfaces_and_media(all);
+    const auto [surfaces, in_media] = surfaces_and_media(all, false);
     for (size_t first = 0; first < surfaces.size(); first += kBatchHits)
       SPILLWAY_TRY(shader.shade_arrived(surfaces.subspan(first, std::min(kBatchHits, surfaces.size() - first)),
                                         next_paths, next_shadows, report));
@@ -415,12 +393,10 @@ Status shade_hits(const ShadeInputs& inputs, cache::ExternalSort<HitRecord>& hit
       SPILLWAY_TRY(shade_unsorted(partition));
       continue;
     }
-    for (size_t first = 0; first < partition.size();) {
-      const auto rest = partition.subspan(first);
-      const auto end = std::is_sorted_until(
-          rest.begin(), rest.end(), [](const HitRecord& a, const HitRecord& b) { return a.hit.prim < b.hit.prim; });
-      SPILLWAY_TRY(shade_run(rest.first(static_cast<size_t>(end - rest.begin()))));
-      first += static_cast<size_t>(end - rest.begin());
+    for (auto rest = partition; !rest.empty();) {
+      const auto run = rest.first(run_length(rest, descends));
+      SPILLWAY_TRY(shade_run(run));
+      rest = rest.subspan(run.size());
     }
   }
   return {};

@@ -2,7 +2,7 @@
 
 // Stage shade_hits: surfaces in the order of (material, mesh, face) become rays of the next wave and light on the film.
 //
-// In: sorted hits, partition by partition; attribute blocks, read in file order, each once a wave.
+// In: sorted hits, partition by partition; attribute blocks, read in file order or against it, each once a wave.
 // Out: path and shadow rays of the next wave, hot and cold columns; splats and AOVs -> film.
 // Memory: one batch of outputs (ShadeHitsScratch, tag paths); the next wave's columns spill as planned. A batch of hits
 // that are not sorted, of attributes that do not fit, is gathered first: 3 MiB more.
@@ -47,6 +47,7 @@ struct ShadeInputs {
   bool wants_aovs = false;
   PixelCosts* costs = nullptr;        // lookups and scatterings are added; null: nobody asks
   bool hits_are_sorted = true;        // else in the order in which they arrived, those in media last (ablation)
+  bool hits_descend = false;          // this wave's sorted hits come from the last to the first
   bool stages_face_textures = false;  // reads their tiles ahead, a batch at a time: some are not in memory
 };
 

@@ -135,6 +135,27 @@ TEST(PartStore, the_limit_holds_and_each_missing_part_is_read_once_a_sweep) {
   }
 }
 
+TEST(PartStore, a_sweep_against_the_file_keeps_the_parts_that_one_along_it_keeps) {
+  const PartFile file(kTwelve);
+  std::vector<uint32_t> backwards = file.all();
+  std::ranges::reverse(backwards);
+  std::vector<std::vector<uint32_t>> resident(2);
+  for (const bool descends : {false, true}) {
+    Harness h(file, {.memory_limit_bytes = 5 * 8192, .read_ahead_bytes = 2 * 8192});
+    const std::vector<uint32_t> parts = descends ? backwards : file.all();
+    for (size_t wave = 0; wave < 2; ++wave) {
+      ASSERT_TRUE(h.sweep(parts));
+      EXPECT_EQ(h.visited, parts);
+      EXPECT_EQ(h.reads(), wave == 0 ? 12u : 12 - h.resident_count());
+      h.store->rebalance();
+    }
+    for (uint32_t part = 0; part < 12; ++part)
+      if (!h.store->resident(part).empty()) resident[descends].push_back(part);
+  }
+  EXPECT_GT(resident[0].size(), 1u);
+  EXPECT_EQ(resident[0], resident[1]);
+}
+
 TEST(PartStore, the_smallest_limit_is_named_and_would_do) {
   const PartFile file({4096, 20000, 8192});
   const auto refused = PartStore::open(file.path(), file.parts, {.memory_limit_bytes = 20479}, {});

@@ -2,6 +2,9 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
+#include <cmath>
+#include <cstdio>
 #include <fstream>
 #include <nlohmann/json.hpp>
 #include <random>
@@ -245,10 +248,35 @@ TEST_F(FaceSceneTest, a_missing_or_damaged_file_is_an_error_before_anything_is_r
   EXPECT_FALSE(Store::open(store_));
 }
 
-// A .ptx file, packed, is what the reference library says: its bilinear values inside faces.
-TEST_F(FaceSceneTest, packed_ptx_files_agree_with_the_reference_inside_faces) {
+// Where the four texels of a bilinear lookup lie. A neighbour is `uneven` when it is finer along one side more than
+// along the other: no level of it has texels as large as ours.
+enum class Reach : uint32_t { face, edge, uneven, corner };
+Reach reach_of(const nlohmann::json& faces, const nlohmann::json& face, float u, float v) {
+  const int ulog2 = face["ulog2"], vlog2 = face["vlog2"];
+  const float half_u = 0.5f / static_cast<float>(1 << ulog2), half_v = 0.5f / static_cast<float>(1 << vlog2);
+  const bool leaves_u = u < half_u || u > 1 - half_u, leaves_v = v < half_v || v > 1 - half_v;
+  if (leaves_u && leaves_v) return Reach::corner;
+  if (!leaves_u && !leaves_v) return Reach::face;
+  const size_t edge = leaves_u ? (u < half_u ? 3 : 1) : (v < half_v ? 0 : 2);
+  const int neighbour = face["adjfaces"][edge], across = face["adjedges"][edge];
+  if (neighbour < 0) return Reach::edge;
+  int more_u = faces[static_cast<size_t>(neighbour)]["ulog2"], more_v = faces[static_cast<size_t>(neighbour)]["vlog2"];
+  if ((static_cast<int>(edge) ^ across) & 1) std::swap(more_u, more_v);
+  return std::max(0, more_u - ulog2) == std::max(0, more_v - vlog2) ? Reach::edge : Reach::uneven;
+}
+
+// All that the library was asked lies beside some copies of this repository.
+nlohmann::json reference_values(const std::string& name) {
+  const fs::path source = SPILLWAY_SOURCE_DIR, all = source / "../shared/ptex" / (name + ".json");
+  std::ifstream stream(fs::exists(all) ? all : source / "tests/data/ptex" / (name + ".json"));
+  return nlohmann::json::parse(stream);
+}
+
+// A .ptx file, packed, is what the reference library says: its bilinear values inside faces and across edges. Where it
+// is not, docs/facetex.md says how much: at corners where not four quads meet.
+TEST_F(FaceSceneTest, packed_ptx_files_agree_with_the_reference_inside_faces_and_across_edges) {
   const fs::path data = fs::path(SPILLWAY_SOURCE_DIR) / "tests/data/ptex";
-  for (const char* name : {"cube", "quads60"}) {
+  for (const char* name : {"cube", "quads60", "subface_prism6"}) {
     FaceTexturePacker packer(directory_.path(), 1ull << 40, cache::FaceTexCodec::zstd);
     const auto added = packer.add_file(data / (std::string(name) + ".ptx"), {});
     ASSERT_TRUE(added) << added.error().message;
@@ -256,23 +284,35 @@ TEST_F(FaceSceneTest, packed_ptx_files_agree_with_the_reference_inside_faces) {
     ASSERT_TRUE(packed) << packed.error().message;
     const auto cache = cache::TextureCache::open(directory_.path(), {}, {}, packed->containers, packed->textures);
     ASSERT_TRUE(cache) << cache.error().message;
-    std::ifstream stream(data / (std::string(name) + ".json"));
-    const auto values = nlohmann::json::parse(stream);
-    int compared = 0;
+    const nlohmann::json values = reference_values(name);
+    std::array<int, 4> compared = {0, 0, 0, 0}, off = {0, 0, 0, 0};
+    std::array<float, 4> worst = {0, 0, 0, 0};
     for (const auto& s : values["samples"]) {
-      const auto& face = values["faces"][s["face"].get<size_t>()];
+      if (s["filter"] != "bilinear" || s["uw1"] != 0 || s["uw2"] != 0 || s["blur"] != 0 || s["noedgeblend"]) continue;
       const float u = s["u"], v = s["v"];
-      const float border_u = 0.5f / static_cast<float>(1 << face["ulog2"].get<int>()),
-                  border_v = 0.5f / static_cast<float>(1 << face["vlog2"].get<int>());
-      const bool inside = u > border_u && u < 1 - border_u && v > border_v && v < 1 - border_v;
-      if (s["filter"] != "bilinear" || s["uw1"] != 0 || !inside) continue;
+      const Reach reach = reach_of(values["faces"], values["faces"][s["face"].get<size_t>()], u, v);
       const cache::FaceTextureRequest request{0, s["face"], u, v, 0, 0, 0, cache::FaceLevelChoice::stochastic};
       cache::Texel texel{};
       ASSERT_TRUE((*cache)->look_up_faces({&request, 1}, {&texel, 1}));
-      for (size_t c = 0; c < 3; ++c) EXPECT_NEAR(texel.value[c], s["value"][c].get<float>(), 0.5 / 255) << s.dump();
-      ++compared;
+      float difference = 0;
+      for (size_t c = 0; c < 3; ++c)
+        difference = std::max(difference, std::fabs(texel.value[c] - s["value"][c].get<float>()));
+      const auto which = static_cast<size_t>(reach);
+      ++compared[which], off[which] += difference > 0.5f / 255, worst[which] = std::max(worst[which], difference);
+      const float allowed = reach == Reach::corner ? 0.167f : reach == Reach::uneven ? 1.0f / 255 : 0.5f / 255;
+      EXPECT_LE(difference, allowed) << s.dump();
     }
-    EXPECT_GE(compared, 3) << name;
+    for (const auto& [reach, where] : {std::pair{Reach::face, "inside faces"},
+                                       {Reach::edge, "across edges"},
+                                       {Reach::uneven, "beside uneven neighbours"},
+                                       {Reach::corner, "at corners"}}) {
+      const auto which = static_cast<size_t>(reach);
+      std::printf("%s %s: %d values, %d off by more than half a step, at most %.5f\n", name, where, compared[which],
+                  off[which], static_cast<double>(worst[which]));
+    }
+    EXPECT_GE(compared[0], 3) << name;
+    EXPECT_GE(compared[1], 1) << name;
+    EXPECT_LE(off[2], 1) << name;
   }
 }
 

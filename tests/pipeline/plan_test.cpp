@@ -114,6 +114,19 @@ TEST(Plan, what_is_in_memory_before_anything_is_loaded_is_taken_off_the_budget) 
   EXPECT_EQ(with_floor->page_bytes, without->page_bytes);
 }
 
+TEST(Plan, the_budget_for_textures_gives_them_what_they_want_and_a_little_less_does_not) {
+  const SceneFacts f = large_scene();
+  const PlanOptions o = budget(0);
+  for (const uint64_t wanted : {300 * kMiB, 2 * kGiB, f.texture_bytes}) {
+    const uint64_t bytes = budget_for_textures(f, o, wanted);
+    ASSERT_GT(bytes, wanted);
+    EXPECT_EQ(bytes % kMiB, 0u);
+    EXPECT_GE(plan_render(f, budget(bytes))->texture_bytes, wanted);
+    EXPECT_LT(plan_render(f, budget(bytes - kMiB))->texture_bytes, wanted);
+  }
+  EXPECT_EQ(budget_for_textures(f, o, f.texture_bytes + 1), 0u);  // they never get more than all
+}
+
 TEST(Plan, large_waves_get_epochs_that_fill_them) {
   PlanOptions o = budget(0);
   o.wave_paths = 32 << 20;

@@ -53,6 +53,7 @@ struct Reference {
   const char* values;
   const char* file;
   bool premultiply;
+  double most_at_corners = 0.5 / 255;  // of the range: where no four quads meet, see docs/facetex.md
 };
 
 class ReferencePtx : public testing::TestWithParam<Reference> {
@@ -125,14 +126,15 @@ TEST_P(ReferencePtx, filtered_values_are_within_half_an_8_bit_step_away_from_ext
       "at most %.4f\n",
       GetParam().values, count, worst, at_corners, off_at_corners, worst_at_corners);
   EXPECT_GT(count, at_corners);
+  EXPECT_LE(worst_at_corners, GetParam().most_at_corners * largest);
 }
 
 INSTANTIATE_TEST_SUITE_P(Files, ReferencePtx,
                          testing::Values(Reference{"cube", "cube", false}, Reference{"cube_half", "cube_half", false},
                                          Reference{"cube_rgba", "cube_rgba", false},
                                          Reference{"cube_rgba.premult", "cube_rgba", true},
-                                         Reference{"quads60", "quads60", false},
-                                         Reference{"subface_prism6", "subface_prism6", false},
+                                         Reference{"quads60", "quads60", false, 0.163},
+                                         Reference{"subface_prism6", "subface_prism6", false, 0.167},
                                          Reference{"tri", "tri", false}),
                          [](const auto& given) {
                            std::string name = given.param.values;

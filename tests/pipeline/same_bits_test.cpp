@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <cstdio>
 #include <fstream>
 #include <map>
 #include <nlohmann/json.hpp>
@@ -210,6 +211,49 @@ TEST_F(SameBits, when_hits_are_not_sorted) {
   o.settings.render.samples_per_pixel = options().settings.render.samples_per_pixel;
   o.plan.spill = 1, o.hit_sort_bytes = 100 << 10;
   EXPECT_EQ(render(o, 2).report.image_hash, hash_);
+}
+
+// What is in memory at the end of a wave is asked for first in the next one: fewer tiles are read, as many blocks.
+TEST_F(SameBits, whether_or_not_every_other_wave_shades_its_hits_backwards) {
+  RenderOptions o = options();
+  o.settings.render.samples_per_pixel = 64;
+  o.plan.wave_paths = 20'000;
+  o.plan.attribute_bytes = attribute_bytes() / 4, o.plan.texture_bytes = 1 << 16;
+  const RenderReport turned = render(o, 2).report;
+  o.turn_hits = false;
+  const RenderReport straight = render(o, 2).report;
+  EXPECT_EQ(turned.image_hash, straight.image_hash);
+  EXPECT_LT(turned.textures.tiles_read, straight.textures.tiles_read * 9 / 10);
+  EXPECT_EQ(turned.textures.wave_tiles_touched, straight.textures.wave_tiles_touched);
+  EXPECT_EQ(turned.shade.attribute_blocks_touched, straight.shade.attribute_blocks_touched);
+  EXPECT_EQ(turned.attributes.bytes_read, straight.attributes.bytes_read);
+  o = options();
+  o.plan.wave_paths = 1500, o.plan.spill = 1, o.hit_sort_bytes = 100 << 10;
+  o.plan.attribute_bytes = attribute_bytes() / 8;
+  const RenderedImage spilled = render(o, 2);
+  EXPECT_EQ(spilled.report.image_hash, hash_);
+  EXPECT_GT(spilled.report.shade.partition_count, spilled.report.waves.size() + 10);
+  o.turn_hits = false;
+  EXPECT_EQ(render(o, 2).report.image_hash, hash_);
+}
+
+TEST_F(SameBits, within_the_texture_share_that_a_thrashing_render_is_advised_to_take) {
+  RenderOptions o = options();
+  o.settings.render.samples_per_pixel = 64;
+  o.plan.wave_paths = 100'000, o.plan.texture_bytes = 1 << 16;
+  o.sort_hits = false;
+  const RenderReport thrashing = render(o, 2).report;
+  EXPECT_GT(thrashing.textures.tiles_read_again, thrashing.textures.wave_tiles_touched / 20);
+  uint64_t mib = 0;
+  ASSERT_EQ(std::sscanf(thrashing.texture_advice.c_str(), "--texture-share %luMiB", &mib), 1)
+      << thrashing.texture_advice;
+  EXPECT_NE(report_table(thrashing).find(thrashing.texture_advice + " would stop it"), std::string::npos);
+  o.plan.texture_bytes = mib << 20;
+  const RenderReport advised = render(o, 2).report;
+  EXPECT_EQ(advised.image_hash, thrashing.image_hash);
+  EXPECT_LE(advised.textures.tiles_read_again, advised.textures.wave_tiles_touched / 20);
+  EXPECT_EQ(advised.texture_advice, "");
+  EXPECT_EQ(report_table(advised).find("would stop it"), std::string::npos);
 }
 
 TEST_F(SameBits, when_few_hits_are_sorted_together) {
@@ -527,6 +571,8 @@ TEST_F(SameBitsInMedia, as_the_depth_first_reference_for_any_memory_threads_wave
   o.plan.spill = 1;
   const RenderedImage swept = render(o, *store_);
   EXPECT_EQ(swept.report.image_hash, image.report.image_hash);
+  o.turn_hits = false;
+  EXPECT_EQ(render(o, *store_).report.image_hash, image.report.image_hash);
   o.sort_hits = false;
   EXPECT_EQ(render(o, *store_).report.image_hash, image.report.image_hash);
   EXPECT_GT(swept.report.volumes.parts_evicted, 0u);

@@ -5,6 +5,8 @@
 
 #include <cstdlib>
 #include <fstream>
+#include <map>
+#include <string>
 
 #include "pipeline/pack/convert_face_texture.h"
 #include "pipeline/pack/ptx_file.h"
@@ -55,6 +57,24 @@ TEST_F(FaceTexTools, ptx_becomes_facetex_becomes_exr_and_comes_back_texel_for_te
     }
     for (const auto& entry : fs::directory_iterator(directory_.path()))
       EXPECT_EQ(entry.path().string().find(".tmp"), std::string::npos);
+  }
+}
+
+// Whichever kind a file comes from, each other kind of it has the same bytes (an EXR, which tells the time at which it
+// was written, when it is brought back).
+TEST_F(FaceTexTools, every_kind_becomes_every_other) {
+  for (const char* name : {"cube", "quads60", "tri"}) {
+    std::map<std::string, std::string> first;
+    fs::copy_file(reference(name), file("from.ptx"),
+                  fs::copy_options::overwrite_existing);  // the file names the texture
+    for (const char* kind : {"facetex", "exr"}) convert(file("from.ptx"), file(std::string("from.") + kind));
+    for (const char* from : {"ptx", "facetex", "exr"})
+      for (const std::string to : {"ptx", "facetex", "exr"}) {
+        convert(file(std::string("from.") + from), file("to." + to));
+        if (to == "exr") convert(file("to.exr"), file("back.facetex"));
+        const std::string got = bytes(file(to == "exr" ? "back.facetex" : "to." + to));
+        EXPECT_TRUE(first.emplace(to, got).first->second == got) << name << ": " << from << " to " << to;
+      }
   }
 }
 
