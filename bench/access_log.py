@@ -63,6 +63,7 @@ def read(path):
     for row in WAVE.iter_unpack(found['waves']):
         wave = dict(zip(('paths', 'shadows', 'generated', 'spilled'), row))
         wave.update({name: lists.next() for name in LISTS})
+        wave['is_lot'] = wave['paths'] + wave['shadows'] == 0  # a sweep of parked rays
         waves.append(wave)
     return pages, blocks, waves
 
@@ -91,9 +92,11 @@ def read_tiles(path):
 def recount(path):
     pages, blocks, waves = read(path)
     touched = sum(pages[p] for wave in waves for p in wave['swept'])
-    tiles = [{what: tiles[what] for what in ('touched', 'read', 'again')} for tiles in read_tiles(path)]
+    tiles = [{what: t[what] for what in ('touched', 'read', 'again')}
+             for t, wave in zip(read_tiles(path), waves) if not wave['is_lot']]
     return {
-        'waves': len(waves),
+        'waves': sum(1 for wave in waves if not wave['is_lot']),
+        'sweeps_of_the_lot': sum(1 for wave in waves if wave['is_lot']),
         'sweeps': sum(1 for wave in waves if wave['swept']),
         'bytes_touched': touched,
         'bytes_read': sum(pages[p] for wave in waves for p in wave['read']),

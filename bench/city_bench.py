@@ -171,7 +171,7 @@ def against_memory(bench, name, store):
             sys.exit(f'{name} at {share} %: another image')
         log = os.path.join(bench.work, f'{name}-{share}.access')
         row['recount'] = bench.once(f'{name}-{share}-recount', lambda: (
-            bench.render(store(), '--memory', budget, log=log), access_log.totals(log))[1])
+            bench.render(store(), '--memory', budget, '--log-parked', log=log), access_log.totals(log))[1])
     return geometry, whole, rows
 
 

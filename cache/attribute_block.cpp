@@ -7,6 +7,7 @@
 #include "cache/base/all_finite.h"
 #include "cache/base/check.h"
 #include "cache/base/hash.h"
+#include "cache/compact_segment.h"
 
 namespace spillway::cache {
 namespace {
@@ -14,31 +15,30 @@ namespace {
 constexpr uint64_t kColumnAlignment = 16;
 constexpr uint64_t kChecksummedFrom = offsetof(AttributeBlockHeader, size_bytes);
 
+uint64_t group_count(uint64_t face_count) { return (face_count + kFacesPerIndexGroup - 1) / kFacesPerIndexGroup; }
 
-// Where a segment's columns lie, given where they may begin. 64 bit: counts from a damaged file must not overflow.
-struct Columns {
-  uint64_t indices = 0, positions = 0, normals = 0, uvs = 0, faces = 0;
-  uint64_t end = 0;
-};
-
-Columns columns_from(uint64_t begin, uint32_t face_count, uint32_t vertex_count, uint32_t flags) {
-  Columns at;
-  at.indices = aligned(begin, kColumnAlignment);
-  at.positions = aligned(at.indices + uint64_t{face_count} * 3 * sizeof(uint16_t), kColumnAlignment);
-  at.end = at.positions + uint64_t{vertex_count} * sizeof(Float3);
-  if (flags & kHasNormals) {
-    at.normals = aligned(at.end, kColumnAlignment);
-    at.end = at.normals + uint64_t{vertex_count} * sizeof(Float3);
-  }
-  if (flags & kHasUvs) {
-    at.uvs = aligned(at.end, kColumnAlignment);
-    at.end = at.uvs + uint64_t{vertex_count} * sizeof(Float2);
-  }
-  if (flags & kHasFaces) {
-    at.faces = aligned(at.end, kColumnAlignment);
-    at.end = at.faces + uint64_t{face_count} * sizeof(FaceOfTriangle);
-  }
-  return at;
+// Gives a segment the places of its columns, from its counts and flags; returns their end. 64 bit: counts from a
+// damaged file must not overflow.
+uint64_t place_columns(uint64_t begin, AttributeSegment& segment) {
+  uint64_t end = begin;
+  const auto place = [&](bool is_there, uint32_t& offset, uint64_t count, uint64_t size) {
+    offset = 0;
+    if (!is_there) return;
+    end = aligned(end, kColumnAlignment);
+    offset = static_cast<uint32_t>(end);
+    end += count * size;
+  };
+  const uint64_t faces = segment.face_count, vertices = segment.vertex_count;
+  const bool narrow = (segment.flags & kNarrowIndices) != 0, paired = (segment.flags & kPairedPositions) != 0;
+  place(true, segment.indices_offset, 3 * faces, narrow ? sizeof(uint8_t) : sizeof(uint16_t));
+  place(narrow, segment.bases_offset, group_count(faces), sizeof(uint16_t));
+  place(true, segment.positions_offset, vertices, paired ? sizeof(PositionCode) : sizeof(Float3));
+  place(paired, segment.pairs_offset, segment.pair_count, sizeof(Float2));
+  place(paired, segment.lones_offset, segment.lone_count, sizeof(float));
+  place((segment.flags & kHasNormals) != 0, segment.normals_offset, vertices, sizeof(Float3));
+  place((segment.flags & kHasUvs) != 0, segment.uvs_offset, vertices, sizeof(Float2));
+  place((segment.flags & kHasFaces) != 0, segment.faces_offset, faces, sizeof(FaceOfTriangle));
+  return end;
 }
 
 uint64_t table_end(uint32_t segment_count) {
@@ -66,32 +66,64 @@ template <class T>
 const T* column(std::span<const std::byte> block, uint32_t offset) {
   return column<T>(block.data(), offset);
 }
-const uint16_t* indices_of(const TrianglePlace& place) {
-  return column<uint16_t>(place.block, place.segment->indices_offset) + size_t{3} * place.face;
-}
-
 template <class T>
 void put_column(std::span<std::byte> block, uint64_t offset, const std::vector<T>& items) {
   if (!items.empty()) std::memcpy(block.data() + offset, items.data(), items.size() * sizeof(T));
 }
 
-AttributeSegment segment_entry(const AttributeSegmentData& data, uint64_t& end) {
-  AttributeSegment segment{};
-  segment.mesh = data.mesh;
-  segment.first_prim = data.first_prim;
-  segment.face_count = static_cast<uint32_t>(data.indices.size() / 3);
-  segment.vertex_count = static_cast<uint32_t>(data.positions.size());
-  segment.flags = (data.normals.empty() ? 0u : kHasNormals) | (data.uvs.empty() ? 0u : kHasUvs) |
-                  (data.faces.empty() ? 0u : kHasFaces);
-  const Columns at = columns_from(end, segment.face_count, segment.vertex_count, segment.flags);
-  segment.indices_offset = static_cast<uint32_t>(at.indices);
-  segment.positions_offset = static_cast<uint32_t>(at.positions);
-  segment.normals_offset = static_cast<uint32_t>(at.normals);
-  segment.uvs_offset = static_cast<uint32_t>(at.uvs);
-  segment.faces_offset = static_cast<uint32_t>(at.faces);
-  end = at.end;
-  return segment;
-}
+// As it will lie in the block.
+struct CompactSegment {
+  AttributeSegment entry{};
+  const AttributeSegmentData* data = nullptr;
+  NarrowIndices narrow;
+  PairedPositions paired;
+
+  explicit CompactSegment(const AttributeSegmentData& from) : data(&from), paired(pair_positions(from.positions)) {
+    const bool is_paired = !paired.codes.empty();
+    const size_t vertex_bytes = (is_paired ? sizeof(PositionCode) : sizeof(Float3)) +
+                                (from.normals.empty() ? 0 : sizeof(Float3)) + (from.uvs.empty() ? 0 : sizeof(Float2));
+    const auto vertex_count = static_cast<uint32_t>(from.positions.size());
+    narrow = narrow_indices(from.indices, vertex_count, static_cast<uint32_t>(vertex_bytes));
+    const bool is_narrow = !narrow.bases.empty();
+    entry.mesh = from.mesh;
+    entry.first_prim = from.first_prim;
+    entry.face_count = static_cast<uint32_t>(from.indices.size() / 3);
+    entry.vertex_count = is_narrow ? static_cast<uint32_t>(narrow.vertex.size()) : vertex_count;
+    entry.flags = (from.normals.empty() ? 0u : kHasNormals) | (from.uvs.empty() ? 0u : kHasUvs) |
+                  (from.faces.empty() ? 0u : kHasFaces) | (is_narrow ? kNarrowIndices : 0u) |
+                  (is_paired ? kPairedPositions | paired.lone_axis << kLoneAxisShift : 0u);
+    entry.pair_count = static_cast<uint32_t>(paired.pairs.size());
+    entry.lone_count = static_cast<uint32_t>(paired.lones.size());
+  }
+
+  void put(std::span<std::byte> block) const {
+    if (narrow.bases.empty())
+      put_column(block, entry.indices_offset, data->indices);
+    else
+      put_column(block, entry.indices_offset, narrow.offsets), put_column(block, entry.bases_offset, narrow.bases);
+    if (paired.codes.empty())
+      put_vertices(block, entry.positions_offset, data->positions);
+    else
+      put_vertices(block, entry.positions_offset, paired.codes);
+    put_column(block, entry.pairs_offset, paired.pairs);
+    put_column(block, entry.lones_offset, paired.lones);
+    put_vertices(block, entry.normals_offset, data->normals);
+    put_vertices(block, entry.uvs_offset, data->uvs);
+    put_column(block, entry.faces_offset, data->faces);
+  }
+
+ private:
+  // In the order in which vertices are numbered.
+  template <class T>
+  void put_vertices(std::span<std::byte> block, uint64_t offset, const std::vector<T>& items) const {
+    if (narrow.bases.empty() || items.empty()) return put_column(block, offset, items);
+    std::byte* to = block.data() + offset;
+    for (const uint16_t vertex : narrow.vertex) {
+      std::memcpy(to, &items[vertex], sizeof(T));
+      to += sizeof(T);
+    }
+  }
+};
 
 void check_input(std::span<const AttributeSegmentData> segments) {
   SPILLWAY_CHECK(segments.size(), >, 0u);
@@ -99,6 +131,7 @@ void check_input(std::span<const AttributeSegmentData> segments) {
   for (const AttributeSegmentData& data : segments) {
     SPILLWAY_CHECK(data.indices.size() % 3, ==, 0u);
     SPILLWAY_CHECK(data.positions.size(), <=, size_t{kMaxVerticesPerAttributeSegment});
+    SPILLWAY_CHECK(size_t{*std::ranges::max_element(data.indices)}, <, data.positions.size());
     SPILLWAY_CHECK(data.first_prim, ==, segments[0].first_prim + static_cast<uint32_t>(faces));
     if (!data.normals.empty()) SPILLWAY_CHECK(data.normals.size(), ==, data.positions.size());
     if (!data.uvs.empty()) SPILLWAY_CHECK(data.uvs.size(), ==, data.positions.size());
@@ -136,28 +169,58 @@ Status validate_header(std::span<const std::byte> block, std::string_view where)
 // `end`: where the columns before this segment end; moved on.
 Status validate_layout(const AttributeSegment& segment, uint64_t& end, uint64_t block_bytes, std::string_view where,
                        size_t index) {
-  const Columns at = columns_from(end, segment.face_count, segment.vertex_count, segment.flags);
+  const uint32_t lone_axis = segment.flags >> kLoneAxisShift;
+  const bool paired = (segment.flags & kPairedPositions) != 0;
   if (segment.vertex_count == 0 || segment.vertex_count > kMaxVerticesPerAttributeSegment ||
-      segment.face_count > kMaxFacesPerAttributeBlock || (segment.flags & ~(kHasNormals | kHasUvs | kHasFaces)) != 0)
+      segment.face_count > kMaxFacesPerAttributeBlock || lone_axis > (paired ? 2u : 0u) ||
+      (segment.pair_count != 0) != paired || (segment.lone_count != 0) != paired ||
+      segment.pair_count > segment.vertex_count || segment.lone_count > segment.vertex_count)
     return error("{}: segment {} has impossible counts or flags; pack the scene again", where, index);
-  if (segment.indices_offset != at.indices || segment.positions_offset != at.positions ||
-      segment.normals_offset != at.normals || segment.uvs_offset != at.uvs || segment.faces_offset != at.faces ||
-      at.end > block_bytes)
+  AttributeSegment placed = segment;
+  end = place_columns(end, placed);
+  if (std::memcmp(&placed, &segment, sizeof segment) != 0 || end > block_bytes)
     return error("{}: segment {} has columns at wrong places; pack the scene again", where, index);
-  end = at.end;
   return {};
+}
+
+uint32_t highest_index(std::span<const std::byte> block, const AttributeSegment& segment) {
+  uint32_t highest = 0;
+  const size_t corners = size_t{3} * segment.face_count;
+  if (!(segment.flags & kNarrowIndices)) {
+    const auto* indices = column<uint16_t>(block, segment.indices_offset);
+    return *std::max_element(indices, indices + corners);
+  }
+  for (size_t c = 0; c < corners; ++c) highest = std::max(highest, vertex_index(block.data(), segment, c));
+  return highest;
+}
+
+Status validate_positions(std::span<const std::byte> block, const AttributeSegment& segment, std::string_view where,
+                          size_t index) {
+  if (!(segment.flags & kPairedPositions)) {
+    if (all_finite(column<float>(block, segment.positions_offset), size_t{3} * segment.vertex_count)) return {};
+  } else {
+    const auto* codes = column<PositionCode>(block, segment.positions_offset);
+    uint32_t pair = 0, lone = 0;
+    for (uint32_t v = 0; v < segment.vertex_count; ++v)
+      pair = std::max<uint32_t>(pair, codes[v].pair), lone = std::max<uint32_t>(lone, codes[v].lone);
+    if (pair >= segment.pair_count || lone >= segment.lone_count)
+      return error("{}: segment {} has a position made of coordinate {} of {} or {} of {}; pack the scene again", where,
+                   index, pair, segment.pair_count, lone, segment.lone_count);
+    if (all_finite(column<float>(block, segment.pairs_offset), size_t{2} * segment.pair_count) &&
+        all_finite(column<float>(block, segment.lones_offset), segment.lone_count))
+      return {};
+  }
+  return error("{}: segment {} has a value that is not finite; pack the scene again", where, index);
 }
 
 Status validate_columns(std::span<const std::byte> block, const AttributeSegment& segment, std::string_view where,
                         size_t index) {
-  const auto* indices = column<uint16_t>(block, segment.indices_offset);
-  const uint16_t highest = *std::max_element(indices, indices + size_t{3} * segment.face_count);
-  if (highest >= segment.vertex_count)
+  if (const uint32_t highest = highest_index(block, segment); highest >= segment.vertex_count)
     return error("{}: segment {} has index {} of {} vertices; pack the scene again", where, index, highest,
                  segment.vertex_count);
+  SPILLWAY_TRY(validate_positions(block, segment, where, index));
   const size_t vertices = segment.vertex_count;
-  if (!all_finite(column<float>(block, segment.positions_offset), 3 * vertices) ||
-      ((segment.flags & kHasNormals) && !all_finite(column<float>(block, segment.normals_offset), 3 * vertices)) ||
+  if (((segment.flags & kHasNormals) && !all_finite(column<float>(block, segment.normals_offset), 3 * vertices)) ||
       ((segment.flags & kHasUvs) && !all_finite(column<float>(block, segment.uvs_offset), 2 * vertices)))
     return error("{}: segment {} has a value that is not finite; pack the scene again", where, index);
   if (!(segment.flags & kHasFaces)) return {};
@@ -174,8 +237,12 @@ Buffer<std::byte> build_attribute_block(std::span<const AttributeSegmentData> se
   check_input(segments);
   const auto segment_count = static_cast<uint32_t>(segments.size());
   uint64_t end = table_end(segment_count);
+  std::vector<CompactSegment> compact(segments.begin(), segments.end());
   std::vector<AttributeSegment> table;
-  for (const AttributeSegmentData& data : segments) table.push_back(segment_entry(data, end));
+  for (CompactSegment& segment : compact) {
+    end = place_columns(end, segment.entry);
+    table.push_back(segment.entry);
+  }
 
   Buffer<std::byte> block(MemoryTag::pack, aligned(end, kAttributeBlockAlignment));
   AttributeBlockHeader header{};
@@ -185,13 +252,7 @@ Buffer<std::byte> build_attribute_block(std::span<const AttributeSegmentData> se
   header.first_prim = table.front().first_prim;
   header.prim_count = table.back().first_prim + table.back().face_count - header.first_prim;
   header.segment_count = segment_count;
-  for (size_t i = 0; i < segments.size(); ++i) {
-    put_column(block, table[i].indices_offset, segments[i].indices);
-    put_column(block, table[i].positions_offset, segments[i].positions);
-    put_column(block, table[i].normals_offset, segments[i].normals);
-    put_column(block, table[i].uvs_offset, segments[i].uvs);
-    put_column(block, table[i].faces_offset, segments[i].faces);
-  }
+  for (const CompactSegment& segment : compact) segment.put(block);
   put_column(block, sizeof header, table);
   std::memcpy(block.data(), &header, sizeof header);
   header.checksum = block_checksum(block);
@@ -234,31 +295,51 @@ TrianglePlace triangle_place(std::span<const std::byte> block, PrimId prim, cons
   return {block.data(), &segment, prim.value - segment.first_prim};
 }
 
-void prefetch_indices(const TrianglePlace& place) { __builtin_prefetch(indices_of(place)); }
+uint32_t vertex_index(const std::byte* block, const AttributeSegment& segment, size_t corner) {
+  if (!(segment.flags & kNarrowIndices)) return column<uint16_t>(block, segment.indices_offset)[corner];
+  return uint32_t{column<uint16_t>(block, segment.bases_offset)[corner / (3 * kFacesPerIndexGroup)]} +
+         column<uint8_t>(block, segment.indices_offset)[corner];
+}
+
+Float3 vertex_position(const std::byte* block, const AttributeSegment& segment, uint32_t vertex) {
+  if (!(segment.flags & kPairedPositions)) return column<Float3>(block, segment.positions_offset)[vertex];
+  const PositionCode code = column<PositionCode>(block, segment.positions_offset)[vertex];
+  return paired_position(segment.flags >> kLoneAxisShift, column<Float2>(block, segment.pairs_offset)[code.pair],
+                         column<float>(block, segment.lones_offset)[code.lone]);
+}
+
+void prefetch_indices(const TrianglePlace& place) {
+  const AttributeSegment& segment = *place.segment;
+  const bool narrow = (segment.flags & kNarrowIndices) != 0;
+  __builtin_prefetch(place.block + segment.indices_offset + size_t{3} * place.face * (narrow ? 1 : 2));
+  if (narrow)
+    __builtin_prefetch(column<uint16_t>(place.block, segment.bases_offset) + place.face / kFacesPerIndexGroup);
+}
 
 void prefetch_vertices(const TrianglePlace& place) {
   const AttributeSegment& segment = *place.segment;
-  const uint16_t* index = indices_of(place);
-  for (int k = 0; k < 3; ++k) {
-    __builtin_prefetch(column<Float3>(place.block, segment.positions_offset) + index[k]);
-    if (segment.flags & kHasNormals) __builtin_prefetch(column<Float3>(place.block, segment.normals_offset) + index[k]);
-    if (segment.flags & kHasUvs) __builtin_prefetch(column<Float2>(place.block, segment.uvs_offset) + index[k]);
+  const size_t position_bytes = (segment.flags & kPairedPositions) != 0 ? sizeof(PositionCode) : sizeof(Float3);
+  for (size_t k = 0; k < 3; ++k) {
+    const uint32_t index = vertex_index(place.block, segment, size_t{3} * place.face + k);
+    __builtin_prefetch(place.block + segment.positions_offset + index * position_bytes);
+    if (segment.flags & kHasNormals) __builtin_prefetch(column<Float3>(place.block, segment.normals_offset) + index);
+    if (segment.flags & kHasUvs) __builtin_prefetch(column<Float2>(place.block, segment.uvs_offset) + index);
   }
 }
 
 TriangleAttributes triangle_attributes(const TrianglePlace& place) {
   const AttributeSegment& segment = *place.segment;
-  const uint16_t* index = indices_of(place);
   TriangleAttributes triangle;
   triangle.mesh = MeshId{segment.mesh};
   triangle.has_normals = (segment.flags & kHasNormals) != 0;
   triangle.has_uvs = (segment.flags & kHasUvs) != 0;
   triangle.has_face = (segment.flags & kHasFaces) != 0;
   if (triangle.has_face) triangle.face = column<FaceOfTriangle>(place.block, segment.faces_offset)[place.face];
-  for (int k = 0; k < 3; ++k) {
-    triangle.position_object[k] = column<Float3>(place.block, segment.positions_offset)[index[k]];
-    if (triangle.has_normals) triangle.normal_object[k] = column<Float3>(place.block, segment.normals_offset)[index[k]];
-    if (triangle.has_uvs) triangle.uv[k] = column<Float2>(place.block, segment.uvs_offset)[index[k]];
+  for (size_t k = 0; k < 3; ++k) {
+    const uint32_t index = vertex_index(place.block, segment, size_t{3} * place.face + k);
+    triangle.position_object[k] = vertex_position(place.block, segment, index);
+    if (triangle.has_normals) triangle.normal_object[k] = column<Float3>(place.block, segment.normals_offset)[index];
+    if (triangle.has_uvs) triangle.uv[k] = column<Float2>(place.block, segment.uvs_offset)[index];
   }
   return triangle;
 }

@@ -12,6 +12,13 @@
 //   per segment, in this order and without gaps beyond the alignment, each column 16-aligned:
 //     uint16 indices[face_count][3]        into this segment's vertices
 //     Float3 position_object[vertex_count]
+//       with kNarrowIndices (compact_segment.h) instead of the former:
+//     uint8 offsets[face_count][3]         from the base of the face's group
+//     uint16 bases[face groups]
+//       with kPairedPositions instead of the latter:
+//     PositionCode codes[vertex_count]
+//     Float2 pairs[pair_count]
+//     float lones[lone_count]
 //     Float3 normal_object[vertex_count]   only with kHasNormals
 //     Float2 uv[vertex_count]              only with kHasUvs
 //     FaceOfTriangle faces[face_count]     only with kHasFaces
@@ -30,7 +37,7 @@
 namespace spillway::cache {
 
 inline constexpr uint32_t kAttributeBlockMagic = 0x42415053;  // "SPAB"
-inline constexpr uint32_t kAttributeBlockVersion = 1;
+inline constexpr uint32_t kAttributeBlockVersion = 2;
 inline constexpr uint32_t kMaxFacesPerAttributeBlock = 16384;
 inline constexpr uint32_t kMaxVerticesPerAttributeSegment = 65535;  // 16-bit indices; 16384 faces have at most 49152
 inline constexpr uint32_t kAttributeBlockAlignment = 4096;
@@ -47,7 +54,14 @@ struct AttributeBlockHeader {
 };
 static_assert(sizeof(AttributeBlockHeader) == 40);
 
-enum AttributeSegmentFlag : uint32_t { kHasNormals = 1, kHasUvs = 2, kHasFaces = 4 };
+enum AttributeSegmentFlag : uint32_t {
+  kHasNormals = 1,
+  kHasUvs = 2,
+  kHasFaces = 4,
+  kNarrowIndices = 8,
+  kPairedPositions = 16,
+};
+inline constexpr uint32_t kLoneAxisShift = 5;  // two bits of the flags, of paired positions
 
 // Which part of a face of a face texture a triangle is.
 struct FaceOfTriangle {
@@ -67,13 +81,17 @@ struct AttributeSegment {
   uint32_t face_count;
   uint32_t vertex_count;
   uint32_t flags;
+  uint32_t pair_count, lone_count;
   uint32_t indices_offset;  // bytes from the start of the block; 0 for an absent column
-  uint32_t positions_offset;
+  uint32_t bases_offset;
+  uint32_t positions_offset;  // or their codes
+  uint32_t pairs_offset;
+  uint32_t lones_offset;
   uint32_t normals_offset;
   uint32_t uvs_offset;
   uint32_t faces_offset;
 };
-static_assert(sizeof(AttributeSegment) == 40);
+static_assert(sizeof(AttributeSegment) == 60);
 
 // The faces of one mesh for one block, as the writer has them. Columns that are empty are absent.
 struct AttributeSegmentData {
@@ -85,7 +103,8 @@ struct AttributeSegmentData {
   std::vector<FaceOfTriangle> faces;  // one a face
 };
 
-// The bytes of a block. Segments by ascending prim, dense; at most kMaxFacesPerAttributeBlock faces in all.
+// The bytes of a block. Segments are made as small as they get: faces keep their order, vertices need not. Segments by
+// ascending prim, dense; at most kMaxFacesPerAttributeBlock faces in all.
 Buffer<std::byte> build_attribute_block(std::span<const AttributeSegmentData> segments);
 
 // One triangle, gathered.
@@ -117,6 +136,9 @@ struct TrianglePlace {
 TrianglePlace triangle_place(std::span<const std::byte> block, PrimId prim, const TrianglePlace& neighbour);
 void prefetch_indices(const TrianglePlace& place);
 void prefetch_vertices(const TrianglePlace& place);  // reads the indices
+// Of one corner of a segment's faces (three times the face, plus which), and of a vertex.
+[[nodiscard]] uint32_t vertex_index(const std::byte* block, const AttributeSegment& segment, size_t corner);
+[[nodiscard]] Float3 vertex_position(const std::byte* block, const AttributeSegment& segment, uint32_t vertex);
 TriangleAttributes triangle_attributes(const TrianglePlace& place);
 
 }  // namespace spillway::cache

@@ -41,6 +41,7 @@ struct RenderArguments {
   bool no_read_ahead = false, no_resident_first = false, no_park = false, no_tops = false, no_top_up = false;
   uint32_t hit_batch = 0;
   std::string access_log;
+  bool log_parked = false;
   RenderOptions options;  // the sizes
   std::optional<Resolution> resolution;
   std::optional<Crop> crop;
@@ -199,7 +200,7 @@ Result<int> render(const RenderArguments& arguments) {
   Progress progress(arguments.scene.quiet);
   options.on_progress = [&](const RenderProgress& p) { progress.show(p); };
   AccessLog access_log;
-  if (!arguments.access_log.empty()) options.access_log = &access_log;
+  if (!arguments.access_log.empty()) options.access_log = &access_log, options.log_parked = arguments.log_parked;
   if (!arguments.frames.empty()) {
     SPILLWAY_ASSIGN(const int code, render_all_frames(arguments, store, std::move(options)));
     SPILLWAY_TRY(write_trace(arguments));
@@ -331,6 +332,8 @@ void add_render_command(CLI::App& app, int& exit_code) {
   command->add_option("--report", a.report, "write what the render did as JSON");
   command->add_option("--access-log", a.access_log,
                       "write which pages and tiles each wave needed and read, for `whatif`");
+  command->add_flag("--log-parked", a.log_parked,
+                    "park rays while the access log is written: it says what was read, and is not for `whatif`");
   command->add_option("--trace", a.trace, "write stages, waves and reads in Chrome's trace format");
   command->add_flag("--json", a.json, "print the report as JSON");
   command->callback([arguments, &exit_code] { exit_code = run(*arguments); });

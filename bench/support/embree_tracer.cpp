@@ -117,14 +117,10 @@ class EmbreeTracer final : public test::Tracer {
     RTCGeometry geometry = rtcNewGeometry(device_, RTC_GEOMETRY_TYPE_TRIANGLE);
     auto* vertices = static_cast<Float3*>(rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3,
                                                                   sizeof(Float3), segment.vertex_count));
-    std::memcpy(vertices, block.data() + segment.positions_offset, segment.vertex_count * sizeof(Float3));
+    for (uint32_t v = 0; v < segment.vertex_count; ++v) vertices[v] = cache::vertex_position(block.data(), segment, v);
     auto* indices = static_cast<uint32_t*>(rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3,
                                                                    3 * sizeof(uint32_t), segment.face_count));
-    for (uint32_t i = 0; i < 3 * segment.face_count; ++i) {
-      uint16_t index;
-      std::memcpy(&index, block.data() + segment.indices_offset + i * sizeof index, sizeof index);
-      indices[i] = index;
-    }
+    for (uint32_t i = 0; i < 3 * segment.face_count; ++i) indices[i] = cache::vertex_index(block.data(), segment, i);
     rtcSetGeometryMask(geometry, alpha ? kAlphaMask : kOpaqueMask);
     rtcCommitGeometry(geometry);
     rtcAttachGeometry(objects_[mesh.object], geometry);

@@ -16,6 +16,8 @@
 #include "cache/base/alignment.h"
 #include "cache/base/check.h"
 #include "cache/base/hash.h"
+#include "pipeline/pack/binary_tree.h"
+#include "pipeline/pack/collapse_tree.h"
 
 namespace spillway::pipeline {
 namespace {
@@ -25,46 +27,42 @@ using cache::kNoChild;
 using cache::TraceLeaf;
 using cache::TraceNode;
 
-// Embree splits what it finds too deep at the middle, which adds at most log2(65536) levels to this.
-constexpr unsigned kBuilderDepth = 30;
-constexpr unsigned kMaxBranching = 8;
+// Of Embree's tree; where its cuts would lead further it fails.
+constexpr unsigned kBuilderDepth = 60;
 
-// What Embree's callbacks build; lives in Embree's own arena until it is flattened. Most are leaves, which are small.
+// What Embree's callbacks build; lives in Embree's own arena until cut_few() has its leaves.
 struct BuildItem {
-  unsigned child_count = 0;  // 0: a leaf
+  unsigned count;  // of a leaf; 0: a node
 };
 struct BuildLeaf : BuildItem {
-  unsigned prim_count = 0;
-  unsigned prim[4] = {};
+  unsigned prim[kFewItems];  // as many as there are
 };
 struct BuildNode : BuildItem {
-  Bounds3 bounds[kMaxBranching];
-  BuildItem* child[kMaxBranching] = {};
+  Bounds3 bounds[2];
+  BuildItem* child[2];
 };
 
-Bounds3 to_bounds(const RTCBounds& b) {
-  return {{b.lower_x, b.lower_y, b.lower_z}, {b.upper_x, b.upper_y, b.upper_z}};
-}
+Bounds3 to_bounds(const RTCBounds& b) { return {{b.lower_x, b.lower_y, b.lower_z}, {b.upper_x, b.upper_y, b.upper_z}}; }
 
 void* make_node(RTCThreadLocalAllocator allocator, unsigned, void*) {
-  return new (rtcThreadLocalAlloc(allocator, sizeof(BuildNode), 16)) BuildNode;
+  return new (rtcThreadLocalAlloc(allocator, sizeof(BuildNode), 16)) BuildNode{};
 }
 
 void set_children(void* node, void** children, unsigned count, void*) {
-  auto* n = static_cast<BuildNode*>(node);
-  n->child_count = count;
-  for (unsigned i = 0; i < count; ++i) n->child[i] = static_cast<BuildItem*>(children[i]);
+  SPILLWAY_CHECK(count, ==, 2u);
+  for (unsigned i = 0; i < 2; ++i) static_cast<BuildNode*>(node)->child[i] = static_cast<BuildItem*>(children[i]);
 }
 
 void set_bounds(void* node, const RTCBounds** bounds, unsigned count, void*) {
-  auto* n = static_cast<BuildNode*>(node);
-  for (unsigned i = 0; i < count; ++i) n->bounds[i] = to_bounds(*bounds[i]);
+  SPILLWAY_CHECK(count, ==, 2u);
+  for (unsigned i = 0; i < 2; ++i) static_cast<BuildNode*>(node)->bounds[i] = to_bounds(*bounds[i]);
 }
 
 void* make_leaf(RTCThreadLocalAllocator allocator, const RTCBuildPrimitive* prims, size_t count, void*) {
-  SPILLWAY_CHECK(count, <=, size_t{4});
-  auto* leaf = new (rtcThreadLocalAlloc(allocator, sizeof(BuildLeaf), 16)) BuildLeaf;
-  leaf->prim_count = static_cast<unsigned>(count);
+  SPILLWAY_CHECK(count, <=, kFewItems);
+  const size_t size = sizeof(BuildItem) + count * sizeof(unsigned);
+  auto* const leaf = static_cast<BuildLeaf*>(rtcThreadLocalAlloc(allocator, size, 16));
+  leaf->count = static_cast<unsigned>(count);
   for (size_t i = 0; i < count; ++i) leaf->prim[i] = prims[i].primID;
   return leaf;
 }
@@ -89,16 +87,23 @@ struct EmbreeTree {
   BuildItem* root = nullptr;
 };
 
-EmbreeTree build(std::vector<RTCBuildPrimitive>& prims, unsigned branching, unsigned leaf_size) {
+RTCBuildPrimitive build_primitive(const Bounds3& b, unsigned id) {
+  return {b.lower.x, b.lower.y, b.lower.z, 0, b.upper.x, b.upper.y, b.upper.z, id};
+}
+
+EmbreeTree build(std::span<const Bounds3> boxes, unsigned leaf_items, unsigned max_depth) {
+  std::vector<RTCBuildPrimitive> prims;
+  prims.reserve(boxes.size());
+  for (size_t i = 0; i < boxes.size(); ++i) prims.push_back(build_primitive(boxes[i], static_cast<unsigned>(i)));
   EmbreeTree tree{Bvh(rtcNewBVH(device())), nullptr};
   RTCBuildArguments arguments = rtcDefaultBuildArguments();
   arguments.byteSize = sizeof arguments;
   arguments.buildQuality = RTC_BUILD_QUALITY_MEDIUM;
-  arguments.maxBranchingFactor = branching;
-  arguments.maxDepth = kBuilderDepth;
-  arguments.sahBlockSize = leaf_size;
-  arguments.minLeafSize = leaf_size;
-  arguments.maxLeafSize = leaf_size;
+  arguments.maxBranchingFactor = 2;
+  arguments.maxDepth = max_depth;
+  arguments.sahBlockSize = leaf_items;
+  arguments.minLeafSize = kFewItems;
+  arguments.maxLeafSize = kFewItems;
   arguments.traversalCost = 1.0f;
   arguments.intersectionCost = 1.0f;
   arguments.bvh = tree.bvh.get();
@@ -113,21 +118,59 @@ EmbreeTree build(std::vector<RTCBuildPrimitive>& prims, unsigned branching, unsi
   return tree;
 }
 
-RTCBuildPrimitive build_primitive(const Bounds3& b, unsigned id) {
-  return {b.lower.x, b.lower.y, b.lower.z, 0, b.upper.x, b.upper.y, b.upper.z, id};
+// Embree's tree with its leaves cut. Nodes get their bounds from their parents.
+class TreeCopy {
+ public:
+  TreeCopy(std::span<const Bounds3> boxes, unsigned leaf_items, BinaryTree& tree)
+      : boxes_(boxes), leaf_items_(leaf_items), tree_(tree) {}
+
+  void add(const BuildItem& item, const Bounds3& bounds) {
+    if (item.count != 0)
+      return cut_few(boxes_, {static_cast<const BuildLeaf&>(item).prim, item.count}, leaf_items_, false, tree_);
+    const auto& node = static_cast<const BuildNode&>(item);
+    const size_t at = tree_.add_node(bounds);
+    add(*node.child[0], node.bounds[0]);
+    tree_.nodes[at].right = static_cast<uint32_t>(tree_.nodes.size());
+    add(*node.child[1], node.bounds[1]);
+  }
+
+ private:
+  std::span<const Bounds3> boxes_;
+  unsigned leaf_items_;
+  BinaryTree& tree_;
+};
+
+// Empty where Embree fails.
+BinaryTree cut_by_surface(std::span<const Bounds3> boxes, unsigned leaf_items) {
+  BinaryTree tree;
+  tree.items.reserve(boxes.size());
+  tree.nodes.reserve(2 * boxes.size() / leaf_items + 1);
+  const EmbreeTree built = build(boxes, leaf_items, kBuilderDepth);
+  if (built.root == nullptr) return {};
+  Bounds3 bounds;
+  for (const Bounds3& box : boxes) bounds.grow(box);
+  TreeCopy(boxes, leaf_items, tree).add(*built.root, bounds);
+  return tree;
 }
 
+// Children of a node of the finished tree.
+struct WideNode {
+  uint32_t count = 0;
+  Bounds3 bounds[kMaxBranching];
+  uint32_t node[kMaxBranching] = {};  // of the binary tree
+};
+
 // Eight-bit boxes around the children, rounded outwards; against the rounding of its own arithmetic the kernel pads.
-void quantise(const BuildNode& from, TraceNode& to) {
+void quantise(const WideNode& from, TraceNode& to) {
   Bounds3 all;
-  for (unsigned c = 0; c < from.child_count; ++c) all.grow(from.bounds[c]);
+  for (unsigned c = 0; c < from.count; ++c) all.grow(from.bounds[c]);
   for (int a = 0; a < 3; ++a) {
     const float largest = std::max(std::fabs(all.lower[a]), std::fabs(all.upper[a]));
     // Flat boxes keep a thickness that survives the addition of origin and quantum.
     const float scale = std::max({(all.upper[a] - all.lower[a]) / 252, largest * 0x1p-22f, 1e-30f});
     to.scale[a] = scale;
     to.origin[a] = all.lower[a] - scale;
-    for (unsigned c = 0; c < from.child_count; ++c) {
+    for (unsigned c = 0; c < from.count; ++c) {
       const double lower = (static_cast<double>(from.bounds[c].lower[a]) - to.origin[a]) / scale;
       const double upper = (static_cast<double>(from.bounds[c].upper[a]) - to.origin[a]) / scale;
       to.lower[a][c] = static_cast<uint8_t>(std::clamp(std::floor(lower), 0.0, 255.0));
@@ -137,33 +180,60 @@ void quantise(const BuildNode& from, TraceNode& to) {
 }
 
 // Large children first: what a shadow ray meets in them is most likely to stop it, and any hit will do.
-void put_largest_first(BuildNode& node) {
-  unsigned order[kMaxBranching];
-  std::iota(order, order + node.child_count, 0u);
-  std::stable_sort(order, order + node.child_count,
-                   [&](unsigned a, unsigned b) { return node.bounds[a].half_area() > node.bounds[b].half_area(); });
-  const BuildNode unsorted = node;
-  for (unsigned c = 0; c < node.child_count; ++c)
-    node.bounds[c] = unsorted.bounds[order[c]], node.child[c] = unsorted.child[order[c]];
+WideNode largest_first(const BinaryTree& tree, const TreeCollapse::Children& children) {
+  const auto area = [&](uint32_t node) { return tree.nodes[node].bounds.half_area(); };
+  TreeCollapse::Children order = children;
+  std::stable_sort(order.node, order.node + order.count, [&](uint32_t a, uint32_t b) { return area(a) > area(b); });
+  WideNode node;
+  node.count = order.count;
+  for (unsigned c = 0; c < order.count; ++c)
+    node.node[c] = order.node[c], node.bounds[c] = tree.nodes[order.node[c]].bounds;
+  return node;
 }
+
+struct WideTree {
+  uint32_t root = kNoChild;
+  std::vector<TraceNode> nodes;
+  int depth = 0;
+};
 
 // Parents before children, in depth-first order; leaves in the order they are met. on_leaf returns a leaf reference.
 template <class OnLeaf>
-uint32_t flatten(BuildItem* item, uint32_t node_base, std::vector<TraceNode>& nodes, const OnLeaf& on_leaf) {
-  if (item->child_count == 0) return on_leaf(*static_cast<const BuildLeaf*>(item));
-  auto* const from = static_cast<BuildNode*>(item);
-  put_largest_first(*from);
-  const size_t at = nodes.size();
-  nodes.emplace_back();
-  std::memset(static_cast<void*>(&nodes[at]), 0, sizeof(TraceNode));
-  quantise(*from, nodes[at]);
-  nodes[at].child_count = from->child_count;
-  std::fill(std::begin(nodes[at].child), std::end(nodes[at].child), kNoChild);
-  for (unsigned c = 0; c < from->child_count; ++c) {
-    const uint32_t reference = flatten(from->child[c], node_base, nodes, on_leaf);
-    nodes[at].child[c] = reference;
+uint32_t flatten(const BinaryTree& tree, const TreeCollapse& collapse, uint32_t at, uint32_t node_base, int depth,
+                 WideTree& wide, const OnLeaf& on_leaf) {
+  wide.depth = std::max(wide.depth, depth);
+  const BinaryNode& item = tree.nodes[at];
+  if (item.count != 0) return on_leaf(std::span(tree.items).subspan(item.first, item.count));
+  const WideNode from = largest_first(tree, collapse.children(at));
+  const size_t place = wide.nodes.size();
+  wide.nodes.emplace_back();
+  std::memset(static_cast<void*>(&wide.nodes[place]), 0, sizeof(TraceNode));
+  quantise(from, wide.nodes[place]);
+  wide.nodes[place].child_count = from.count;
+  std::fill(std::begin(wide.nodes[place].child), std::end(wide.nodes[place].child), kNoChild);
+  for (unsigned c = 0; c < from.count; ++c) {
+    const uint32_t reference = flatten(tree, collapse, from.node[c], node_base, depth + 1, wide, on_leaf);
+    wide.nodes[place].child[c] = reference;
   }
-  return node_base + static_cast<uint32_t>(at);
+  return node_base + static_cast<uint32_t>(place);
+}
+
+// start(): before the first leaf; a tree that is too deep is built again, in halves.
+template <class Start, class OnLeaf>
+WideTree wide_tree(std::span<const Bounds3> boxes, uint32_t leaf_items, uint32_t branching, uint32_t node_base,
+                   const Start& start, const OnLeaf& on_leaf) {
+  for (const bool in_halves : {false, true}) {
+    const BinaryTree tree = in_halves ? cut_all_in_halves(boxes, leaf_items) : cut_by_surface(boxes, leaf_items);
+    if (tree.nodes.empty()) continue;
+    const TreeCollapse collapse(tree, branching);
+    WideTree wide;
+    wide.nodes.reserve(tree.nodes.size() / 8);
+    start();
+    wide.root = flatten(tree, collapse, 0, node_base, 1, wide, on_leaf);
+    if (wide.depth <= cache::kMaxTreeDepth) return wide;
+  }
+  SPILLWAY_CHECK(boxes.size(), ==, size_t{0});  // 2^32 boxes in halves are less deep
+  return {};
 }
 
 Bounds3 bounds_of(const PackTriangle& triangle) {
@@ -173,19 +243,18 @@ Bounds3 bounds_of(const PackTriangle& triangle) {
 }
 
 struct PageParts {
-  std::vector<TraceNode> nodes;
+  WideTree tree;
   std::vector<TraceLeaf> leaves;
   std::vector<uint32_t> slot_triangle;  // which input triangle each leaf slot holds; kNoChild: none
-  uint32_t root = kNoChild;
 };
 
-uint32_t add_leaf(const BuildLeaf& from, std::span<const PackTriangle> triangles, PageParts& page) {
+uint32_t add_leaf(std::span<const uint32_t> from, std::span<const PackTriangle> triangles, PageParts& page) {
   TraceLeaf leaf{};
   for (unsigned i = 0; i < 4; ++i) {
     leaf.prim[i] = PrimId::kNone;
-    page.slot_triangle.push_back(i < from.prim_count ? from.prim[i] : kNoChild);
-    if (i >= from.prim_count) continue;
-    const PackTriangle& triangle = triangles[from.prim[i]];
+    page.slot_triangle.push_back(i < from.size() ? from[i] : kNoChild);
+    if (i >= from.size()) continue;
+    const PackTriangle& triangle = triangles[from[i]];
     leaf.prim[i] = triangle.prim;
     for (int v = 0; v < 3; ++v)
       for (int a = 0; a < 3; ++a) leaf.vertex[v][a][i] = triangle.vertex[v][a];
@@ -197,17 +266,14 @@ uint32_t add_leaf(const BuildLeaf& from, std::span<const PackTriangle> triangles
 PageParts build_parts(std::span<const PackTriangle> triangles, const BuildOptions& options) {
   PageParts page;
   if (triangles.empty()) return page;
-  std::vector<RTCBuildPrimitive> prims;
-  prims.reserve(triangles.size());
-  page.leaves.reserve(triangles.size() / 3), page.nodes.reserve(triangles.size() / 16);
-  page.slot_triangle.reserve(4 * (triangles.size() / 3));
-  for (size_t i = 0; i < triangles.size(); ++i)
-    prims.push_back(build_primitive(bounds_of(triangles[i]), static_cast<unsigned>(i)));
-  const EmbreeTree tree = build(prims, options.branching, options.leaf_fill);
-  page.root = flatten(tree.root, 0, page.nodes, [&](const BuildLeaf& leaf) { return add_leaf(leaf, triangles, page); });
+  std::vector<Bounds3> boxes;
+  boxes.reserve(triangles.size());
+  for (const PackTriangle& triangle : triangles) boxes.push_back(bounds_of(triangle));
+  page.tree = wide_tree(
+      boxes, options.leaf_fill, options.branching, 0, [&] { page.leaves.clear(), page.slot_triangle.clear(); },
+      [&](std::span<const uint32_t> leaf) { return add_leaf(leaf, triangles, page); });
   return page;
 }
-
 
 // The micromap table and the maps behind it, at `offset` in the page; empty when no triangle has one.
 std::vector<std::byte> micromap_section(const PageParts& page, std::span<const std::vector<std::byte>> micromaps,
@@ -232,7 +298,7 @@ Buffer<std::byte> build_trace_page(std::span<const PackTriangle> triangles,
   SPILLWAY_CHECK(triangles.size(), <=, size_t{cache::kMaxTrianglesPerPage});
   const PageParts page = build_parts(triangles, options);
   const uint64_t nodes_at = aligned(sizeof(cache::TracePageHeader), 64);
-  const uint64_t leaves_at = nodes_at + page.nodes.size() * sizeof(TraceNode);
+  const uint64_t leaves_at = nodes_at + page.tree.nodes.size() * sizeof(TraceNode);
   const uint64_t maps_at = leaves_at + page.leaves.size() * sizeof(TraceLeaf);
   const std::vector<std::byte> maps = micromap_section(page, micromaps, maps_at);
   const uint64_t size = aligned(maps_at + maps.size(), 4096);
@@ -241,14 +307,15 @@ Buffer<std::byte> build_trace_page(std::span<const PackTriangle> triangles,
   header.magic = cache::kTracePageMagic, header.version = cache::kTracePageVersion;
   header.size_bytes = size;
   header.triangle_count = static_cast<uint32_t>(triangles.size());
-  header.node_count = static_cast<uint32_t>(page.nodes.size());
+  header.node_count = static_cast<uint32_t>(page.tree.nodes.size());
   header.leaf_count = static_cast<uint32_t>(page.leaves.size());
-  header.root = page.root;
+  header.root = page.tree.root;
   header.flags = maps.empty() ? 0u : static_cast<uint32_t>(cache::kPageHasAlpha);
   Bounds3 bounds;
   for (const PackTriangle& triangle : triangles) bounds.grow(bounds_of(triangle));
   header.lower = bounds.lower, header.upper = bounds.upper;
-  if (!page.nodes.empty()) std::memcpy(bytes.data() + nodes_at, page.nodes.data(), page.nodes.size() * sizeof(TraceNode));
+  if (!page.tree.nodes.empty())
+    std::memcpy(bytes.data() + nodes_at, page.tree.nodes.data(), page.tree.nodes.size() * sizeof(TraceNode));
   std::memcpy(bytes.data() + leaves_at, page.leaves.data(), page.leaves.size() * sizeof(TraceLeaf));
   if (!maps.empty()) std::memcpy(bytes.data() + maps_at, maps.data(), maps.size());
   std::memcpy(bytes.data(), &header, sizeof header);
@@ -259,17 +326,10 @@ Buffer<std::byte> build_trace_page(std::span<const PackTriangle> triangles,
 }
 
 BoxTree build_box_tree(std::span<const Bounds3> boxes, uint32_t node_base, const BuildOptions& options) {
-  BoxTree tree;
-  if (boxes.empty()) return tree;
-  std::vector<RTCBuildPrimitive> prims;
-  prims.reserve(boxes.size());
-  for (size_t i = 0; i < boxes.size(); ++i) prims.push_back(build_primitive(boxes[i], static_cast<unsigned>(i)));
-  const EmbreeTree built = build(prims, options.branching, 1);
-  prims = {};  // with a million instances these are what memory is needed for next
-  tree.nodes.reserve(boxes.size() / 4);
-  tree.root = flatten(built.root, node_base, tree.nodes,
-                      [](const BuildLeaf& leaf) { return leaf.prim[0] | kLeafBit; });
-  return tree;
+  if (boxes.empty()) return {};
+  WideTree tree = wide_tree(
+      boxes, 1, options.branching, node_base, [] {}, [](std::span<const uint32_t> leaf) { return leaf[0] | kLeafBit; });
+  return {tree.root, std::move(tree.nodes)};
 }
 
 }  // namespace spillway::pipeline

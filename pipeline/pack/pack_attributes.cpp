@@ -7,11 +7,13 @@
 #include <memory>
 
 #include "cache/base/hash.h"
+#include "cache/compact_segment.h"
 
 namespace spillway::pipeline {
 namespace {
 
-// A block under way: its chunks as vectors, and the block; at most 2 MB each, but few scenes have more than a fifth.
+// A block under way: its chunks as vectors, their compact columns, and the block; at most 2 MB each, but few scenes
+// have more than a fifth.
 constexpr uint64_t kBlockBytes = 4 << 20;
 
 // Chunks [first, last) of a block.
@@ -55,9 +57,12 @@ AttributeLocation location_of(const Buffer<std::byte>& block, uint64_t offset_by
 
 }  // namespace
 
-uint64_t attribute_bytes(const std::vector<PlacedChunk>& chunks) {
+uint64_t least_attribute_bytes(const std::vector<PlacedChunk>& chunks) {
+  constexpr uint64_t kSavedPerFace = 3, kSavedPerVertex = sizeof(Float3) - sizeof(cache::PositionCode);
   uint64_t bytes = 0;
-  for (const PlacedChunk& placed : chunks) bytes += chunk_bytes(placed.chunk, true);
+  for (const PlacedChunk& placed : chunks)
+    bytes += chunk_bytes(placed.chunk, true) - kSavedPerFace * placed.chunk.face_count -
+             kSavedPerVertex * placed.chunk.vertex_count;
   return bytes;
 }
 

@@ -17,8 +17,8 @@
 
 namespace spillway::pipeline {
 
-// What the columns of the chunks will take in the file, without padding.
-[[nodiscard]] uint64_t attribute_bytes(const std::vector<PlacedChunk>& chunks);
+// What the columns of the chunks will take in the file at least: as if everything were as compact as can be.
+[[nodiscard]] uint64_t least_attribute_bytes(const std::vector<PlacedChunk>& chunks);
 
 Result<std::vector<AttributeLocation>> pack_attributes(const SpooledScene& scene, uint32_t max_faces_per_block,
                                                        uint64_t memory_limit_bytes, cache::WriteFile& file,

@@ -145,7 +145,7 @@ uint64_t ScenePacker::table_bytes() const {
 // Refused now rather than after minutes of writing. Every triangle takes a quarter of a leaf and a share of a node.
 Status ScenePacker::check_disk() const {
   constexpr uint64_t kLeastPageBytes = sizeof(cache::TraceLeaf) / 4 + sizeof(cache::TraceNode) / 32;
-  const uint64_t needed = scene_.prim_count * kLeastPageBytes + attribute_bytes(scene_.chunks);
+  const uint64_t needed = scene_.prim_count * kLeastPageBytes + least_attribute_bytes(scene_.chunks);
   std::error_code code;
   const fs::space_info space = fs::space(directory_, code);
   if (code || space.available >= needed) return {};

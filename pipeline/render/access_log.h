@@ -12,6 +12,9 @@
 //         differences of its ascending items, in LEB128 (ascending_list.h). Of textures: tile_bytes (uint32 a tile,
 //         what it takes in its file) and chunks of sets, see tile_log.h. Of single rays: samples, see ray_samples.h.
 //
+// A run that parks rays says what it swept and read: an entry without rays is a sweep of the lot. It cannot be replayed,
+// for what its waves need is not what others' waves do.
+//
 // What rays need (`*_pages`, `*_boxes`, attribute_blocks, samples, the tiles touched) depends on the rays alone: the same
 // for any budget and the same waves. What was swept and read is this run's.
 
@@ -58,11 +61,12 @@ struct AccessFacts {
   double probe_seconds = 0;        // the time that takes,
   double probe_cpu_seconds = 0;    // and the processors' time
   uint64_t threads = 1;
+  uint64_t rays_are_parked = 0;    // 1: waves without rays are sweeps of the lot, and nothing is said of needs
 };
 
 class AccessLog {
  public:
-  static constexpr uint32_t kVersion = 4;  // of the file
+  static constexpr uint32_t kVersion = 5;  // of the file
 
   AccessFacts facts;
   std::vector<uint64_t> page_bytes, attribute_bytes;

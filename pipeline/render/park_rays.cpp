@@ -22,7 +22,7 @@ bool waits(const cache::TraceHit& hit) { return (hit.flags & cache::kHitWaits) !
 
 template <class Record>
 Status ParkedColumn<Record>::park(const RayColumns<Record>& wave, std::span<const cache::TraceHit> hits,
-                                  std::span<const RayCost> costs) {
+                                  std::span<const RayCost> costs, const EndStream* ends) {
   const size_t blocks = block_count(hits.size(), kBlock);
   std::vector<size_t> firsts(blocks + 1, 0);  // of a block's rays, among those that are marked
   parallel_blocks(hits.size(), kBlock, [&](size_t b, size_t first, size_t last) {
@@ -37,6 +37,8 @@ Status ParkedColumn<Record>::park(const RayColumns<Record>& wave, std::span<cons
     const size_t first = b * kBlock;
     std::vector<Record> records(std::min(kBlock, hits.size() - first));
     SPILLWAY_TRY(wave.cold.read(first, records));
+    std::vector<shading::LightPlace> places(ends != nullptr ? records.size() : 0);
+    if (ends != nullptr) SPILLWAY_TRY(ends->read(first, places));
     size_t which = firsts[b];
     std::array<uint64_t, 2> of_block = {0, 0};
     for (size_t i = 0; i < records.size(); ++i) {
@@ -44,6 +46,7 @@ Status ParkedColumn<Record>::park(const RayColumns<Record>& wave, std::span<cons
       const size_t slot = free_slot(which++);
       rays_[slot] = wave.hot[first + i], hits_[slot] = hits[first + i], records_[slot] = records[i];
       if (!costs.empty()) costs_[slot] = costs[first + i];
+      if (ends != nullptr) ends_[slot] = places[i];
       ++of_block[records[i].sample & 1];
     }
     for (const int half : {0, 1}) of_half[half] += of_block[half];
@@ -57,6 +60,13 @@ Status ParkedColumn<Record>::park(const RayColumns<Record>& wave, std::span<cons
 }
 
 template <class Record>
+void ParkedColumn<Record>::move_slot(size_t from, size_t to) {
+  rays_[to] = rays_[from], hits_[to] = hits_[from], records_[to] = records_[from];
+  if (!costs_.empty()) costs_[to] = costs_[from];
+  if (!ends_.empty()) ends_[to] = ends_[from];
+}
+
+template <class Record>
 ParkedBatch ParkedColumn<Record>::gather() {
   SPILLWAY_CHECK(traced_count(), ==, 0u);
   // Rays beyond the count move to the slots below it that are free.
@@ -67,9 +77,7 @@ ParkedBatch ParkedColumn<Record>::gather() {
   for (size_t slot = count; slot < end_; ++slot) {
     if (is_free[slot] != 0) continue;
     while (is_free[hole] == 0) ++hole;
-    rays_[hole] = rays_[slot], hits_[hole] = hits_[slot], records_[hole] = records_[slot];
-    if (!costs_.empty()) costs_[hole] = costs_[slot];
-    ++hole;
+    move_slot(slot, hole++);
   }
   end_ = count;
   traced_ = given_ = refilled_ = 0;
@@ -92,11 +100,12 @@ void ParkedColumn<Record>::set_traced(SortRaysScratch& scratch) {
 
 template <class Record>
 Status ParkedColumn<Record>::give_back(RayColumns<Record>& wave, std::span<cache::TraceHit> hits,
-                                       std::span<RayCost> costs) {
+                                       std::span<RayCost> costs, EndStream* ends) {
   const size_t count = hits.size(), held = wave.hot.size();
   SPILLWAY_CHECK(count, <=, traced_count());
   SPILLWAY_CHECK(held + count, <=, wave.hot.capacity());
   wave.hot.set_size(held + count);
+  if (ends != nullptr) SPILLWAY_TRY(give_back_ends(*ends, count));
   // The records in batches: they are copied once more, into the stream.
   Buffer<Record> records(MemoryTag::paths, std::min(count, kBatch));
   for (size_t start = 0; start < count; start += kBatch) {
@@ -104,6 +113,18 @@ Status ParkedColumn<Record>::give_back(RayColumns<Record>& wave, std::span<cache
     copy_next({wave.hot.data() + held + start, in_batch}, hits.subspan(start, in_batch),
               costs.empty() ? costs : costs.subspan(start, in_batch), records);
     SPILLWAY_TRY(wave.cold.append({records.data(), in_batch}));
+  }
+  return {};
+}
+
+// Before the rays: they are the next ones.
+template <class Record>
+Status ParkedColumn<Record>::give_back_ends(EndStream& ends, size_t count) const {
+  std::vector<shading::LightPlace> places;
+  for (size_t start = 0; start < count; start += kBatch) {
+    places.clear();
+    for (size_t i = start; i < std::min(count, start + kBatch); ++i) places.push_back(ends_[by_hit_[given_ + i]]);
+    SPILLWAY_TRY(ends.append(places));
   }
   return {};
 }

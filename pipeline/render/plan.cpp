@@ -99,7 +99,8 @@ uint64_t wave_bytes(const SceneFacts& f, const Way& way) {
   if (spills) return media + paths * (kHotBytesPerPath + kSpilledPairBytesPerPath) + kSpillBufferBytes + kSmallestHitSortBytes;
   return media + paths * (kHotBytesPerPath + kSortBytesPerPath + kPairBytesPerPath + kNextHotBytesPerPath + 2 * kColdBytesPerPath +
                   kHitBytesPerPath) +
-         parked * (kParkedBytes + (f.has_costs ? kCostBytesPerPath : 0));
+         parked * (kParkedBytes + (f.has_costs ? kCostBytesPerPath : 0) +
+                   (f.looks_up_emission ? kLightPlaceBytesPerPath / 2 : 0));
 }
 
 // Gives what is left beyond the smallest shares to the caches: pages first, for they are swept; then attributes, textures.
@@ -197,10 +198,6 @@ bool fits(const SceneFacts& f, const PlanOptions& o, const Way& way, uint64_t bu
   return fixed_bytes(f, o) + wave_bytes(f, way) + smallest_caches(f, o).sum() <= budget;
 }
 
-bool may_park(const SceneFacts& f, const PlanOptions& o, bool spills) {
-  return o.parks && !spills && !f.has_media && !f.looks_up_emission;
-}
-
 }  // namespace
 
 Result<Plan> plan_render(const SceneFacts& facts, const PlanOptions& options, const Rates& rates) {
@@ -219,7 +216,7 @@ Result<Plan> plan_render(const SceneFacts& facts, const PlanOptions& options, co
   for (uint64_t paths = first; paths <= last; paths *= 2) {
     for (const bool spills : {false, true}) {
       if (options.spill >= 0 && spills != (options.spill == 1)) continue;
-      const bool parks = may_park(facts, options, spills);
+      const bool parks = options.parks && !spills;
       if (!parks || options.parked_rays == 0) consider({paths, spills, 0});
       if (parks) consider({paths, spills, options.parked_rays != 0 ? options.parked_rays : paths * kParkedPerPath});
     }

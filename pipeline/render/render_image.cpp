@@ -71,10 +71,10 @@ class RenderLoop {
       const cache::TraceSpan span("wave", "wave");
       WaveReport wave_report;
       const double generated_before = report_.generate_seconds;
-      SPILLWAY_TRY(tracer_.sweep_full_lot(wave_report));
+      if (tracer_.lot_is_full()) SPILLWAY_TRY(sweep_lot(wave_report));
       SPILLWAY_TRY(top_up(wave, wave_report));
-      if (wave.empty()) {
-        SPILLWAY_TRY(tracer_.sweep_lot(wave_report));
+      if (wave.empty() && !tracer_.parked().empty()) {
+        SPILLWAY_TRY(sweep_lot(wave_report));
         SPILLWAY_TRY(top_up(wave, wave_report));
       }
       if (wave.empty()) break;
@@ -99,6 +99,16 @@ class RenderLoop {
   }
 
  private:
+  // An entry of its own in a log.
+  Status sweep_lot(WaveReport& report) {
+    begin_log();
+    SPILLWAY_TRY(tracer_.sweep_lot(report));
+    AccessLog* const log = state_.options.access_log;
+    if (log != nullptr && log->tiles.is_open()) SPILLWAY_TRY(log->tiles.append({}));
+    end_log({}, 0);
+    return {};
+  }
+
   // Fills the wave: parked rays that were traced come back, and camera paths of the open epochs, opening the next one
   // where there is none.
   Status top_up(Wave& wave, WaveReport& report) {

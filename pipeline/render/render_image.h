@@ -47,6 +47,7 @@ struct RenderOptions {
   bool page_tops = true;             // off: of a page that is not in memory only its box is known (ablation)
   bool top_up_waves = true;          // off: new paths begin when the last ones have ended (ablation)
   AccessLog* access_log = nullptr;   // what each wave needs and reads is added here; costs a walk a ray
+  bool log_parked = false;           // rays are parked all the same: sweeps and reads are logged, needs are not
   uint64_t spill_block_bytes = 1 << 19;   // larger: longer requests, more buffer memory
   uint64_t hit_sort_bytes = 0;       // limit of the hit sort; 0: planned
   bool read_ahead_textures = true;   // of face textures that do not fit: a batch's tiles in the order of the file

@@ -51,7 +51,7 @@ uint32_t top_nodes(const RenderState& state) {
 
 // The tops of all pages, for any budget, read through some pages of memory.
 Status open_needs(RenderState& state) {
-  if (state.options.access_log == nullptr) return {};
+  if (state.options.access_log == nullptr || state.options.log_parked) return {};
   const Store& store = state.store;
   const std::vector<cache::Part> parts = page_parts(store);
   cache::PartStore::Options options{.tag = MemoryTag::trace_log, .purpose = cache::IoPurpose::pages,
@@ -160,11 +160,12 @@ Status open_render_state(RenderState& state) {
   plan_options = options.plan;
   plan_options.floor_bytes = memory_floor_bytes();
   // A log speaks for any budget: its waves must not depend on what is in memory.
-  plan_options.parks = options.park_rays && options.access_log == nullptr;
+  plan_options.parks = options.park_rays && (options.access_log == nullptr || options.log_parked);
   state.facts = scene_facts(state.store, options);
   SPILLWAY_ASSIGN(state.plan, plan_render(state.facts, plan_options));
   if (AccessLog* const log = options.access_log) {
     log->facts.scene = state.facts;
+    log->facts.rays_are_parked = options.log_parked ? 1 : 0;
     log->facts.scene.table_bytes -= memory_use(MemoryTag::trace_log).current_bytes;  // of this run
   }
   if (options.hit_sort_bytes != 0) state.plan.hit_bytes = options.hit_sort_bytes;
@@ -279,7 +280,7 @@ void fill_costs(const RenderState& state, RenderReport& report) {
 Status fill_log(const RenderState& state, const RenderReport& report) {
   AccessLog& log = *state.options.access_log;
   log.is_over = true;
-  SPILLWAY_TRY(state.needs->find_occluders(*state.page_parts));
+  if (state.needs) SPILLWAY_TRY(state.needs->find_occluders(*state.page_parts));
   log.facts.wave_paths = state.plan.wave_paths;
   log.facts.memory_bytes = state.options.plan.memory_bytes;
   log.facts.page_bytes_read = report.pages.bytes_read, log.facts.attribute_bytes_read = report.attributes.bytes_read;

@@ -132,6 +132,8 @@ double spilled_bytes(const AccessLog& log, const Plan& plan) {
 
 Status check(const AccessLog& log, const Plan& plan) {
   const SceneFacts& scene = log.facts.scene;
+  if (log.facts.rays_are_parked != 0)
+    return error("the log is of a run that parked rays: what its waves need is not in it; make it without --log-parked");
   if (scene.max_depth > kMostBounces) return error("the log is of {} bounces: it is damaged", scene.max_depth);
   const double wave_count =
       static_cast<double>(scene.pixel_count) * scene.samples_per_pixel / static_cast<double>(plan.wave_paths);

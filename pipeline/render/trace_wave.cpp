@@ -27,12 +27,7 @@ void make(Buffer<T>& results, size_t count) {
 
 // ---- parked rays ----
 
-Status WaveTracer::sweep_full_lot(WaveReport& report) {
-  return parked_.is_nearly_full() && !parked_.has_traced() ? sweep_lot(report) : Status{};
-}
-
 Status WaveTracer::sweep_lot(WaveReport& report) {
-  if (parked_.empty()) return {};
   const StageTimer timer("sweep_parked", report.trace_seconds);
   TraceRaysReport traced;
   SPILLWAY_TRY(parked_.sweep(state_.store.page_tree(), *state_.pages, state_.options.settings.statistics.bounds_world,
@@ -56,8 +51,9 @@ Status WaveTracer::begin(Wave& wave) {
   if (back_paths_ > 0)
     SPILLWAY_TRY(parked_.paths().give_back(wave.paths, behind(path_hits_, paths), behind(path_costs_, paths)));
   if (back_shadows_ > 0)
-    SPILLWAY_TRY(
-        parked_.shadows().give_back(wave.shadows, behind(shadow_hits_, shadows), behind(shadow_costs_, shadows)));
+    SPILLWAY_TRY(parked_.shadows().give_back(wave.shadows, behind(shadow_hits_, shadows),
+                                             behind(shadow_costs_, shadows),
+                                             wave.shadows.ends ? &*wave.shadows.ends : nullptr));
   return {};
 }
 
@@ -80,7 +76,8 @@ Status WaveTracer::trace(const Wave& wave, WaveReport& report) {
   if (state_.plan.parked_rays == 0) state_.page_parts->rebalance();
   if (traced.parked_count == 0) return {};
   SPILLWAY_TRY(parked_.paths().park(wave.paths, path_hits_, path_costs_));
-  return parked_.shadows().park(wave.shadows, shadow_hits_, shadow_costs_);
+  return parked_.shadows().park(wave.shadows, shadow_hits_, shadow_costs_,
+                                wave.shadows.ends ? &*wave.shadows.ends : nullptr);
 }
 
 void WaveTracer::sort(const TraceBatch& rays, WaveReport& report) {

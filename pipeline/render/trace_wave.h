@@ -2,9 +2,8 @@
 
 // From a wave's rays to what they hit: stages sort_rays, trace_rays and park_rays, wave after wave.
 //
-// Owns: orders, hits and costs of the wave, and the lot of parked rays. Memory: tags rays and paths, as those stages
-// say;
-//       kept from wave to wave, but for waves that are spilled.
+// Owns: orders, hits and costs of the wave, and the lot of parked rays.
+// Memory: tags rays and paths, as those stages say; kept from wave to wave, but for waves that are spilled.
 // Threads: one caller. Fails: a page that cannot be read or is damaged.
 
 #include <span>
@@ -27,10 +26,13 @@ struct Wave {
 class WaveTracer {
  public:
   WaveTracer(RenderState& state, RenderReport& report)
-      : state_(state), report_(report), parked_(state.plan.parked_rays, state.options.cost_layers) {}
+      : state_(state),
+        report_(report),
+        parked_(state.plan.parked_rays, state.options.cost_layers, !state.inputs.settings.lights.places.empty()) {}
 
-  // Traces the parked rays where they lie: when they are many, and none is on its way back; or now.
-  Status sweep_full_lot(WaveReport& report);
+  // Whether there are many parked rays, and none is on its way back.
+  [[nodiscard]] bool lot_is_full() const { return parked_.is_nearly_full() && !parked_.has_traced(); }
+  // Traces the parked rays, of which there are some, where they lie.
   Status sweep_lot(WaveReport& report);
   [[nodiscard]] const ParkedRays& parked() const { return parked_; }
 

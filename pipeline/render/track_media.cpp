@@ -23,7 +23,8 @@ constexpr bool is_shadow(const ShadowRecord&) { return true; }
 template <class Record>
 bool make_segment(const MediaInputs& inputs, const cache::TraceRay& ray, const cache::TraceHit& hit,
                   const Record& record, MediumSegment& segment) {
-  if (record.medium == kNoMedium || (hit.flags & cache::kHitOccluded) != 0 || is_black(carried(record))) return false;
+  if (record.medium == kNoMedium || is_black(carried(record))) return false;
+  if ((hit.flags & (cache::kHitOccluded | cache::kHitWaits)) != 0) return false;  // it will come back
   const float size = length(ray.direction_world);
   segment.medium = &inputs.tables.media[record.medium];
   segment.origin_world = ray.origin_world;

@@ -7,6 +7,7 @@
 #include <limits>
 
 #include "cache/base/hash.h"
+#include "cache/compact_segment.h"
 
 namespace spillway::cache {
 namespace {
@@ -30,6 +31,40 @@ AttributeSegmentData quad(uint32_t mesh, uint32_t first_prim, bool normals, bool
 // Three meshes with different columns; prims 10 to 15.
 std::vector<AttributeSegmentData> three_quads() {
   return {quad(3, 10, true, true), quad(4, 12, false, true), quad(7, 14, false, false)};
+}
+
+// Walls along `up` with a window in each storey, every quad with vertices of its own; 2 * windows * storeys faces.
+AttributeSegmentData walls(uint32_t mesh, uint32_t first_prim, int up, int windows, int storeys) {
+  AttributeSegmentData data;
+  data.mesh = mesh, data.first_prim = first_prim;
+  for (int w = 0; w < windows; ++w) {
+    for (int s = 0; s < storeys; ++s) {
+      const auto first = static_cast<uint16_t>(data.positions.size());
+      for (int corner = 0; corner < 4; ++corner) {
+        const int along = w + (corner == 1 || corner == 2 ? 1 : 0), above = s + corner / 2;
+        Float3 p{};
+        p[up] = above == 0 ? -0.0f : 3.1f * static_cast<float>(above);
+        p[(up + 1) % 3] = 0.7f * static_cast<float>(along);
+        p[(up + 2) % 3] = along == 0 ? -0.0f : 0.3f * static_cast<float>(along);
+        data.positions.push_back(p);
+      }
+      for (const uint16_t corner : {0, 1, 2, 0, 2, 3}) data.indices.push_back(static_cast<uint16_t>(first + corner));
+    }
+  }
+  return data;
+}
+
+const AttributeSegment& segment_of(std::span<const std::byte> block, size_t index) {
+  return reinterpret_cast<const AttributeSegment*>(block.data() + sizeof(AttributeBlockHeader))[index];
+}
+
+void expect_positions(std::span<const std::byte> block, const AttributeSegmentData& data) {
+  for (size_t corner = 0; corner < data.indices.size(); ++corner) {
+    const TriangleAttributes t =
+        triangle_attributes(block, PrimId{data.first_prim + static_cast<uint32_t>(corner / 3)});
+    ASSERT_EQ(0, std::memcmp(&t.position_object[corner % 3], &data.positions[data.indices[corner]], sizeof(Float3)))
+        << corner;
+  }
 }
 
 std::vector<std::byte> bytes_of(std::span<const AttributeSegmentData> segments) {
@@ -86,6 +121,54 @@ TEST(attribute_block, largest_segment_fits) {
   EXPECT_EQ(last.position_object[2].x, static_cast<float>(3 * kMaxFacesPerAttributeBlock - 1));
 }
 
+TEST(attribute_block, walls_take_less_than_half_and_come_back_bit_equal) {
+  for (int up = 0; up < 3; ++up) {
+    const AttributeSegmentData data = walls(0, 0, up, 100, 20);
+    const auto block = bytes_of({&data, 1});
+    ASSERT_TRUE(validate_attribute_block(block, "test"));
+    const AttributeSegment& segment = segment_of(block, 0);
+    EXPECT_EQ(segment.flags, kNarrowIndices | kPairedPositions | static_cast<uint32_t>(up) << kLoneAxisShift);
+    EXPECT_EQ(segment.lone_count, 21u);
+    EXPECT_EQ(segment.pair_count, 101u);
+    EXPECT_LT(block.size(), data.indices.size() * sizeof(uint16_t) / 2 + data.positions.size() * sizeof(Float3) / 2);
+    expect_positions(block, data);
+  }
+}
+
+TEST(attribute_block, a_vertex_asked_for_long_ago_is_there_twice) {
+  // A fan: every face asks for the first vertex. A reach of 208 vertices, and a rim of 1000.
+  AttributeSegmentData fan;
+  fan.mesh = 0, fan.first_prim = 0;
+  for (uint16_t i = 0; i < 1000; ++i) {
+    const auto x = static_cast<float>(i);
+    fan.positions.push_back({std::cos(x), std::sin(x), x});
+    fan.normals.push_back({x, 1, 0});
+    if (i > 1) fan.indices.insert(fan.indices.end(), {0, static_cast<uint16_t>(i - 1), i});
+  }
+  const auto block = bytes_of({&fan, 1});
+  ASSERT_TRUE(validate_attribute_block(block, "test"));
+  EXPECT_EQ(segment_of(block, 0).flags, kNarrowIndices | kHasNormals);
+  EXPECT_GT(segment_of(block, 0).vertex_count, 1003u);
+  EXPECT_LT(segment_of(block, 0).vertex_count, 1010u);
+  expect_positions(block, fan);
+  for (uint32_t f = 0; f < 998; ++f)
+    EXPECT_EQ(triangle_attributes(block, PrimId{f}).normal_object[2].x, static_cast<float>(f + 2));
+}
+
+TEST(attribute_block, vertices_in_any_order_keep_their_indices) {
+  AttributeSegmentData data;
+  data.mesh = 0, data.first_prim = 0;
+  for (uint32_t i = 0; i < 4000; ++i) {
+    const auto x = static_cast<float>(i);
+    data.positions.push_back({std::sin(x), std::sin(2 * x), std::sin(3 * x)});
+    for (uint32_t k = 1; k < 4; ++k) data.indices.push_back(static_cast<uint16_t>(i * 1237 * k % 4000));
+  }
+  const auto block = bytes_of({&data, 1});
+  ASSERT_TRUE(validate_attribute_block(block, "test"));
+  EXPECT_EQ(segment_of(block, 0).flags, 0u);
+  expect_positions(block, data);
+}
+
 TEST(attribute_block, every_prefix_is_refused) {
   const auto block = bytes_of(three_quads());
   for (size_t size = 0; size < block.size(); ++size) {
@@ -104,7 +187,10 @@ TEST(attribute_block, every_flipped_byte_is_refused) {
 }
 
 TEST(attribute_block, flipped_bytes_under_a_right_checksum_are_refused_or_can_be_read) {
-  const auto whole = bytes_of(three_quads());
+  auto segments = three_quads();
+  segments.push_back(walls(9, 16, 2, 8, 3));
+  const auto whole = bytes_of(segments);
+  ASSERT_EQ(segment_of(whole, 3).flags, kNarrowIndices | kPairedPositions | 2u << kLoneAxisShift);
   size_t refused = 0;
   for (size_t i = kChecksummedFrom; i < whole.size(); ++i) {
     for (const std::byte flip : {std::byte{0x01}, std::byte{0x80}, std::byte{0xff}}) {
@@ -117,9 +203,9 @@ TEST(attribute_block, flipped_bytes_under_a_right_checksum_are_refused_or_can_be
         ++refused;
     }
   }
-  // Nearly every bit of header and segment table matters: 24 and 120 bytes, three flips each, but for first_prim (alone
+  // Nearly every bit of header and segment table matters: 24 and 240 bytes, three flips each, but for first_prim (alone
   // it contradicts the segments) and mesh (any ascending number is possible).
-  EXPECT_GT(refused, 3u * (24 + 120 - 3 * 4) - 1);
+  EXPECT_GT(refused, 3u * (24 + 240 - 4 * 4) - 1);
 }
 
 TEST(attribute_block, not_finite_is_refused) {
@@ -138,12 +224,30 @@ TEST(attribute_block, not_finite_is_refused) {
 }
 
 TEST(attribute_block, index_beyond_the_vertices_is_refused) {
-  auto segments = three_quads();
-  segments[2].indices[5] = 4;
-  const Status status = validate_attribute_block(bytes_of(segments), "block 7");
+  auto block = bytes_of(three_quads());
+  ASSERT_EQ(segment_of(block, 2).flags, uint32_t{kNarrowIndices});
+  block[segment_of(block, 2).indices_offset + 5] = std::byte{4};
+  set_checksum(block);
+  const Status status = validate_attribute_block(block, "block 7");
   ASSERT_FALSE(status);
   EXPECT_NE(status.error().message.find("block 7"), std::string::npos);
   EXPECT_NE(status.error().message.find("index 4 of 4"), std::string::npos);
+}
+
+TEST(attribute_block, coordinates_beyond_the_tables_are_refused) {
+  const AttributeSegmentData data = walls(0, 0, 2, 8, 3);
+  const auto whole = bytes_of({&data, 1});
+  const AttributeSegment& segment = segment_of(whole, 0);
+  for (const size_t field : {offsetof(PositionCode, pair), offsetof(PositionCode, lone)}) {
+    auto block = whole;
+    const auto beyond =
+        static_cast<uint16_t>(field == offsetof(PositionCode, pair) ? segment.pair_count : segment.lone_count);
+    std::memcpy(block.data() + segment.positions_offset + 5 * sizeof(PositionCode) + field, &beyond, sizeof beyond);
+    set_checksum(block);
+    const Status status = validate_attribute_block(block, "block 7");
+    ASSERT_FALSE(status);
+    EXPECT_NE(status.error().message.find("a position made of coordinate"), std::string::npos);
+  }
 }
 
 TEST(attribute_block, meshes_out_of_order_are_refused) {

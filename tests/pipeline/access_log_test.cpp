@@ -52,6 +52,38 @@ class AccessLogTest : public testing::Test {
   std::unique_ptr<Store> store_;
 };
 
+// Every byte that was read is in the log, each page at most once a sweep, those of the lot included.
+TEST_F(AccessLogTest, sweeps_of_parked_rays_are_entries_of_their_own) {
+  AccessLog log;
+  RenderOptions o = options({.wave_paths = 1000, .page_bytes = 200'000, .parked_rays = 500}, &log);
+  const std::string hash = render(o).image_hash;
+  EXPECT_EQ(log.facts.rays_are_parked, 0u);
+  AccessLog parked;
+  o.access_log = &parked, o.log_parked = true;
+  const RenderReport report = render(o);
+  EXPECT_EQ(report.image_hash, hash);
+  EXPECT_GT(report.trace.parked_count, 1000u);
+  uint64_t bytes_read = 0, swept = 0, sweeps_of_the_lot = 0;
+  for (const WaveAccess& wave : parked.waves) {
+    for (const uint32_t page : wave.read_pages) bytes_read += parked.page_bytes[page];
+    swept += wave.swept_pages.size();
+    const bool is_lot = wave.facts.path_count + wave.facts.shadow_count == 0;
+    sweeps_of_the_lot += is_lot ? 1 : 0;
+    EXPECT_TRUE(std::ranges::includes(wave.swept_pages, wave.read_pages));
+    EXPECT_TRUE(!is_lot || wave.attribute_blocks.empty());
+  }
+  EXPECT_EQ(bytes_read, report.pages.bytes_read);
+  EXPECT_EQ(swept, report.trace.pages_touched);
+  EXPECT_EQ(parked.waves.size() - sweeps_of_the_lot, report.waves.size());
+  EXPECT_GT(sweeps_of_the_lot, 2u);
+  ASSERT_TRUE(parked.write(path_));
+  const auto back = AccessLog::read(path_);
+  ASSERT_TRUE(back) << back.error().message;
+  const auto replay = replay_access(*back, {}, {});
+  ASSERT_FALSE(replay);
+  EXPECT_NE(replay.error().message.find("--log-parked"), std::string::npos) << replay.error().message;
+}
+
 TEST_F(AccessLogTest, what_is_written_comes_back) {
   AccessLog log;
   render({.wave_paths = 1000, .page_bytes = 200'000}, &log);

@@ -11,6 +11,7 @@
 #include "cache/base/parallel.h"
 #include "cache/trace_log.h"
 #include "pipeline/render/render_image.h"
+#include "pipeline/render/select_lights.h"
 #include "tests/support/reference_integrator.h"
 #include "tests/support/small_scene.h"
 
@@ -327,6 +328,38 @@ TEST_F(SameBits, when_rays_that_wait_for_pages_are_parked_and_when_not) {
   EXPECT_GT(all_swept.report.trace.parked_count, 100u);
   o.cost_layers = true;
   EXPECT_EQ(render(o, 2).report.image_hash, hash_);
+}
+
+// What is parked keeps the medium that it is in, and where on its light it ends.
+TEST_F(SameBits, when_rays_are_parked_in_media_and_on_their_way_to_images) {
+  SmallSceneOptions scene;
+  scene.has_media = scene.emits_image = true;
+  const auto store = pack_small_scene(directory_->path(), "parked", scene);
+  ASSERT_TRUE(store) << store.error().message;
+  EXPECT_FALSE(SelectedLights(*store, store->settings().render).table().places.empty());
+  RenderOptions o = options();
+  o.settings = store->settings();
+  o.plan.wave_paths = 1000;
+  const auto tracer = kernel_tracer(*store);
+  ASSERT_TRUE(tracer) << tracer.error().message;
+  const auto film = render_reference(*store, **tracer, {o.settings, false});
+  ASSERT_TRUE(film) << film.error().message;
+  o.plan.page_bytes = trace_bytes() / 2;
+  o.park_rays = false;
+  const RenderedImage swept = render(o, 2, *store);
+  EXPECT_EQ(swept.report.image_hash, (*film)->hash());
+  o.park_rays = true;
+  for (const uint64_t rays : {300, 1000, 100000}) {
+    o.plan.parked_rays = rays;
+    const RenderedImage parked = render(o, 2, *store);
+    EXPECT_EQ(parked.report.image_hash, (*film)->hash());
+    EXPECT_GT(parked.report.trace.parked_count, 100u);
+    EXPECT_EQ(parked.report.route.parked_count, parked.report.trace.parked_count);
+    EXPECT_EQ(parked.report.track.segment_count, swept.report.track.segment_count);
+    EXPECT_EQ(parked.report.track.collision_count, swept.report.track.collision_count);
+    EXPECT_GT(parked.report.track.collision_count, 1000u);
+    EXPECT_EQ(parked.report.shade.shaded_count, swept.report.shade.shaded_count);  // lamps that are looked up included
+  }
 }
 
 TEST_F(SameBits, when_waves_are_not_topped_up) {

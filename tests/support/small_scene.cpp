@@ -117,13 +117,14 @@ class Builder {
     return packer_.add_material(m, "material");
   }
 
-  Status mesh(const MeshData& data, MaterialId id, uint32_t object = 0, TextureId alpha = {}, Rgb emission = {0, 0, 0}) {
+  Status mesh(const MeshData& data, MaterialId id, uint32_t object = 0, TextureId alpha = {}, Rgb emission = {0, 0, 0},
+              TextureId emission_texture = {}) {
     MeshInput input;
     input.name = fmt::format("mesh {}", count_++);
     input.positions = data.positions, input.normals = data.normals, input.uvs = data.uvs, input.indices = data.indices;
     input.faces = data.faces;
     input.material = id, input.alpha = alpha, input.object = object;
-    input.emits = !is_black(emission), input.emission = emission;
+    input.emits = !is_black(emission), input.emission = emission, input.emission_texture = emission_texture;
     return packer_.add_mesh(input);
   }
 
@@ -187,16 +188,15 @@ Status add_painted_wall(Builder& b, ScenePacker& packer) {
   return b.mesh(mesh, paint);
 }
 
-Status add_room(Builder& b, ScenePacker& packer, const Param& checks_param, uint32_t bumps) {
+Status add_room(Builder& b, ScenePacker& packer, const Param& checks_param, TextureId emission) {
   SPILLWAY_ASSIGN(const Param marble, b.noise(TextureKind::marble));
   SPILLWAY_ASSIGN(const MaterialId walls, b.material(MaterialKind::diffuse, marble, 0));
   SPILLWAY_ASSIGN(const MaterialId floor, b.material(MaterialKind::coated_diffuse, checks_param, 0.1f));
-  (void)bumps;
   SPILLWAY_TRY(b.mesh(grid({-2, 0, -2}, {4, 0, 0}, {0, 0, 4}, 24), floor));
   SPILLWAY_TRY(b.mesh(grid({-2, 0, 2}, {4, 0, 0}, {0, 3, 0}, 16), walls));
   SPILLWAY_TRY(add_painted_wall(b, packer));
   SPILLWAY_ASSIGN(const MaterialId black, b.material(MaterialKind::diffuse, constant(0, 0, 0), 0));
-  return b.mesh(grid({-0.5f, 2.9f, -0.5f}, {1, 0, 0}, {0, 0, 1}, 2), black, 0, {}, {12, 11, 9});
+  return b.mesh(grid({-0.5f, 2.9f, -0.5f}, {1, 0, 0}, {0, 0, 1}, 2), black, 0, {}, {12, 11, 9}, emission);
 }
 
 // A turn about y and a step, from where the instance is.
@@ -345,7 +345,7 @@ Status add_everything(ScenePacker& packer, const std::filesystem::path& images, 
   SPILLWAY_ASSIGN(const uint32_t wave_texture, b.image("waves.png", 64, 1, waves, 0.05f));
   Param checked;
   checked.texture = check_texture;
-  SPILLWAY_TRY(add_room(b, packer, checked, wave_texture));
+  SPILLWAY_TRY(add_room(b, packer, checked, options.emits_image ? TextureId{check_texture} : TextureId{}));
   SPILLWAY_TRY(add_objects(b, packer, moves));
   if (options.has_media) SPILLWAY_TRY(add_dividers(b, packer));
   if (options.has_lamps) SPILLWAY_TRY(add_lamps(b, packer));

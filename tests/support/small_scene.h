@@ -35,6 +35,7 @@ struct SmallSceneOptions {
   bool has_lamps = true;   // without: so few lights that there is no tree
   bool has_media = false;  // haze around everything, a coloured fire and a grid of colours that
                            // glows in boxes without walls, milk in a ball of glass
+  bool emits_image = false;  // the area light: its emission is looked up
   int32_t volume_brick_voxels = 8;
   uint32_t frame_count = 0;  // of a camera path, from frame 1 on; each a little further to the right
 };
