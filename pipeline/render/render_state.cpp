@@ -163,6 +163,11 @@ Status open_render_state(RenderState& state) {
   plan_options.parks = options.park_rays && (options.access_log == nullptr || options.log_parked);
   state.facts = scene_facts(state.store, options);
   SPILLWAY_ASSIGN(state.plan, plan_render(state.facts, plan_options));
+  // A log foretells waves no smaller than its own.
+  if (options.access_log != nullptr && plan_options.wave_paths == 0 && state.plan.pages_fit) {
+    plan_options.wave_paths = std::min(state.plan.wave_paths, kInCoreWavePaths);
+    SPILLWAY_ASSIGN(state.plan, plan_render(state.facts, plan_options));
+  }
   if (AccessLog* const log = options.access_log) {
     log->facts.scene = state.facts;
     log->facts.rays_are_parked = options.log_parked ? 1 : 0;

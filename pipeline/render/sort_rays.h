@@ -3,7 +3,7 @@
 // Stage sort_rays: the order in which trace_rays takes the rays of a wave, neighbours in it walking the same nodes.
 //
 // In: hot columns of path and shadow rays, any order.
-// Out: a permutation of all of them (paths first, then shadow rays, one index space), by the cell of the origin
+// Out: a permutation of all of them (paths first, then shadow rays, one index space), each kind by the cell of the origin
 //      along a Morton curve of nearly cubic cells; inside a coarse cell by octant of direction, then by fine cell.
 // Memory: tag rays: 16 bytes a ray in SortRaysScratch, kept by the caller between waves.
 // Order: total: equal keys keep the order of their indices. It changes no bit of any image, only the time.

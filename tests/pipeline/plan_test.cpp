@@ -35,8 +35,22 @@ TEST(Plan, what_fits_is_kept_whole_in_small_waves_without_a_spill) {
     ASSERT_TRUE(plan);
     EXPECT_TRUE(plan->pages_fit && plan->attributes_fit && plan->textures_fit);
     EXPECT_FALSE(plan->spills);
-    EXPECT_LE(plan->wave_paths, 64u << 10);
+    EXPECT_EQ(plan->wave_paths, 256u << 10);
     EXPECT_EQ(plan->first_epoch_samples, 1u);
+  }
+}
+
+TEST(Plan, no_wave_drives_out_what_would_fit_beside_a_smaller_one) {
+  const auto whole = plan_render(small_scene(), budget(0));
+  PlanOptions fine = budget(0);
+  fine.wave_paths = 64 << 10;
+  const auto small = plan_render(small_scene(), fine);
+  ASSERT_TRUE(whole && small);
+  for (uint64_t bytes = small->memory_bytes; bytes < whole->memory_bytes; bytes += 4 * kMiB) {
+    const auto plan = plan_render(small_scene(), budget(bytes));
+    ASSERT_TRUE(plan) << plan.error().message;
+    EXPECT_TRUE(plan->pages_fit && plan->attributes_fit && plan->textures_fit) << bytes;
+    EXPECT_LT(plan->wave_paths, 256u << 10) << bytes;
   }
 }
 

@@ -56,6 +56,11 @@ TEST(SortRays, the_order_is_a_permutation_of_both_kinds) {
   EXPECT_TRUE(sorted({}, {}, kCube).empty());
 }
 
+TEST(SortRays, kinds_are_apart) {
+  const auto paths = random_rays(5000, {1, 1, 1}, 1), shadows = random_rays(5000, {1, 1, 1}, 2);
+  EXPECT_TRUE(std::ranges::is_partitioned(sorted(paths, shadows, kCube), [](uint32_t i) { return i < 5000; }));
+}
+
 TEST(SortRays, equal_rays_keep_their_order) {
   const std::vector<TraceRay> paths(5000, random_rays(1, {1, 1, 1}, 3)[0]);
   const std::vector<uint32_t> order = sorted(paths, paths, kCube);
