@@ -218,7 +218,8 @@ Result<Plan> plan_render(const SceneFacts& facts, const PlanOptions& options, co
     if (!fits(facts, options, way, budget)) return;
     Plan plan = shape(facts, options, way, budget);
     predict(facts, rates, plan);
-    const bool evicts_nothing = best && way.paths <= kLargestInCoreWavePaths && keeps_all(*best) && keeps_all(plan);
+    const bool evicts_nothing = best && way.parked_rays == 0 && way.paths <= kLargestInCoreWavePaths &&
+                                keeps_all(*best) && keeps_all(plan);
     // Beyond, the smaller wave unless a larger one is clearly faster: it holds less, and stays nearer to the caches.
     if (!best || evicts_nothing || plan.predicted_seconds < 0.97 * best->predicted_seconds) best = plan;
   };
