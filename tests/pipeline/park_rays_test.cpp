@@ -97,6 +97,33 @@ TEST(ParkedColumn, those_that_wait_come_back_once_each_by_what_they_hit) {
   EXPECT_EQ(parked.of_half(), (std::array<uint64_t, 2>{0, 0}));
 }
 
+// Ray n ends at prim n; they come back in parts.
+TEST(ParkedColumn, shadow_rays_take_along_where_they_end) {
+  RayColumns<ShadowRecord> wave{Buffer<cache::TraceRay>(MemoryTag::rays, kWave),
+                                cache::RecordStream<ShadowRecord>{cache::StreamOptions{}}};
+  EndStream ends{cache::StreamOptions{}};
+  std::vector<ShadowRecord> records(kWave);
+  std::vector<shading::LightPlace> places(kWave);
+  for (uint32_t i = 0; i < kWave; ++i) records[i].sample = i, places[i].prim = i;
+  EXPECT_TRUE(wave.cold.append(std::span<const ShadowRecord>(records)) && wave.cold.finish());
+  EXPECT_TRUE(ends.append(std::span<const shading::LightPlace>(places)) && ends.finish());
+  ParkedColumn<ShadowRecord> parked(kWave, false, true);
+  std::vector<cache::TraceHit> hits(kWave);
+  for (uint32_t i = 0; i < kWave; ++i) hits[i].flags = i % 3 == 0 ? uint32_t{cache::kHitWaits} : 0u;
+  ASSERT_TRUE(parked.park(wave, hits, {}, &ends));
+  const ParkedBatch batch = parked.gather();
+  for (size_t i = 0; i < batch.hits.size(); ++i) batch.hits[i].prim = prim_of(static_cast<float>(i));
+  SortRaysScratch scratch;
+  parked.set_traced(scratch);
+  wave.hot.set_size(0), wave.cold.clear(), ends.clear();
+  for (const size_t count : {700, 600, 367}) ASSERT_TRUE(parked.give_back(wave, std::span(hits).first(count), {}, &ends));
+  EXPECT_EQ(parked.traced_count(), 0u);
+  EXPECT_TRUE(wave.cold.finish() && ends.finish());
+  records.resize(1667), places.resize(1667);
+  ASSERT_TRUE(wave.cold.read(0, std::span(records)) && ends.read(0, std::span(places)));
+  for (size_t i = 0; i < records.size(); ++i) ASSERT_EQ(places[i].prim, records[i].sample) << i;
+}
+
 TEST(ParkedColumn, its_slots_are_taken_again_while_others_wait_to_come_back) {
   ParkedColumn<PathRecord> parked(2 * kWave, true);
   test::Random random(3);
