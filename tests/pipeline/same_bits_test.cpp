@@ -220,9 +220,10 @@ TEST_F(SameBits, whether_or_not_every_other_wave_shades_its_hits_backwards) {
   o.settings.render.samples_per_pixel = 64;
   o.plan.wave_paths = 20'000;
   o.plan.attribute_bytes = attribute_bytes() / 4, o.plan.texture_bytes = 1 << 16;
-  const RenderReport turned = render(o, 2).report;
+  // By one thread: which tiles a cache forgets depends on who asks first.
+  const RenderReport turned = render(o, 1).report;
   o.turn_hits = false;
-  const RenderReport straight = render(o, 2).report;
+  const RenderReport straight = render(o, 1).report;
   EXPECT_EQ(turned.image_hash, straight.image_hash);
   EXPECT_LT(turned.textures.tiles_read, straight.textures.tiles_read * 9 / 10);
   EXPECT_EQ(turned.textures.wave_tiles_touched, straight.textures.wave_tiles_touched);
