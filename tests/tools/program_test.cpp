@@ -166,9 +166,9 @@ TEST_F(ProgramTest, images_of_lights_count_towards_the_budget) {
     const auto memory = nlohmann::json::parse(file)["memory"];
     EXPECT_GE(memory["peak_by_tag"]["lights"].get<double>(), 12.0 * edge * edge);
     EXPECT_LT(memory["untagged_bytes"].get<double>(), 32 << 20);
-    // What the process holds before it begins differs from run to run.
+    // What the process holds before it begins differs from run to run; the number named has a 32nd of it to spare.
     const std::string tail = refused.said.substr(refused.said.find("at least ") + 9);
-    return mib - std::stod(tail.substr(tail.find('(') + 1));
+    return mib - std::stod(tail.substr(tail.find('(') + 1)) * 33 / 32;
   };
   const auto added_mib = [&](const std::string& light) { return smallest_mib(1024, light) - smallest_mib(4, light); };
   EXPECT_NEAR(added_mib("\"infinite\""), 16, 0.3);  // texels and what samples them
