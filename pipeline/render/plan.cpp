@@ -19,7 +19,7 @@ constexpr uint64_t kSpilledPairBytesPerPath = 12;           // less than that: a
 constexpr uint64_t kParkedPerPath = 1;  // of a wave, when pages are missing; four are no better
 constexpr uint64_t kParkedBytes = 2 * (32 + 24 + 4) + 52 + 24 + 2 * (4 + 16) + kPairBytesPerPath;
 constexpr uint64_t kColdBytesPerPath = 52 + 24;             // path and shadow record, of one wave
-constexpr uint64_t kHitBytesPerPath = 2 * 96 + 3 * 16;      // records and their sorted copy, keys, order and its scratch
+constexpr uint64_t kHitBytesPerPath = 96 + 3 * 16;          // record, key, order and its scratch
 // Written and read again for every step of a spilled path: two cold records, and a hit with its key where hits spill too.
 constexpr uint64_t kColdSpillBytesPerStep = 2 * kColdBytesPerPath;
 constexpr uint64_t kHitSpillBytesPerStep = 2 * (96 + 16);

@@ -133,7 +133,11 @@ class RenderLoop {
     const size_t made = camera_rays_.generate_rays(room, wave.paths.hot.data() + at, generated_.data());
     wave.paths.hot.set_size(at + made);
     report.generated_count += made;
-    return wave.paths.cold.append({generated_.data(), made});
+    constexpr size_t kPiece = 1024;  // copied by a thread
+    std::vector<cache::RecordSpan> pieces;
+    for (size_t first = 0; first < made; first += kPiece)
+      pieces.push_back({generated_.data() + first, std::min(kPiece, made - first)});
+    return wave.paths.cold.append(pieces);
   }
 
   // One bounce: sort, trace, route, shade. The rays of the wave become the rays of the next, in the same buffers: once
