@@ -28,6 +28,10 @@ struct BlockScratch {
   std::array<ShadingPoint, kBlockHits> points;
   std::array<FacePoint, kBlockHits> face_points;
   std::array<SurfaceQuery, kBlockHits> queries;
+  static constexpr size_t kVertices = 64;
+  std::array<VertexStart, kVertices> starts;
+  std::array<shading::LightQuery, kVertices> light_queries;
+  std::array<shading::LightSample, kVertices> lights;
   std::vector<SplatRecord> splats;
   std::vector<AovRecord> aovs;
   std::array<uint32_t, kBlockHits> lookups;  // by hit, when costs are counted
@@ -265,12 +269,33 @@ class Shader {
            medium_beyond(*q.point, q.hit->direction_world * -1.0f) != q.hit->path.medium;
   }
 
-  void shade_one(const SurfaceQuery& q, BlockScratch& scratch, ShadedBlock& out) {
-    if (!inputs_.settings.media.empty() && is_in_other_medium(q)) ++out.other_medium_count;
-    if (!q.stopped) return let_through(q, out);
-    if (q.hit->is_shadow == kShadowArrived) return scratch.splats.push_back(arrived_splat(*q.hit, q.values));
-    if (q.hit->is_shadow) return;
-    const ShadedVertex vertex = shade_vertex(inputs_.settings, *q.hit, *q.point, q.values);
+  // A few at a time, at most BlockScratch::kVertices: their lights are sampled together.
+  void shade_some(std::span<const SurfaceQuery> queries, BlockScratch& scratch, ShadedBlock& out) {
+    size_t asked = 0;
+    for (size_t i = 0; i < queries.size(); ++i) {
+      const SurfaceQuery& q = queries[i];
+      if (!q.stopped || q.hit->is_shadow) continue;
+      VertexStart& start = scratch.starts[i] = begin_vertex(inputs_.settings, *q.hit, *q.point, q.values);
+      if (start.asks_lights) scratch.light_queries[asked++] = start.light_query();
+    }
+    shading::sample_lights(inputs_.settings.lights, std::span(scratch.light_queries).first(asked), scratch.lights);
+    asked = 0;
+    for (size_t i = 0; i < queries.size(); ++i) {
+      const SurfaceQuery& q = queries[i];
+      if (!inputs_.settings.media.empty() && is_in_other_medium(q)) ++out.other_medium_count;
+      if (!q.stopped)
+        let_through(q, out);
+      else if (q.hit->is_shadow == kShadowArrived)
+        scratch.splats.push_back(arrived_splat(*q.hit, q.values));
+      else if (!q.hit->is_shadow)
+        end_one(q, scratch.starts[i], scratch.starts[i].asks_lights ? scratch.lights[asked++] : shading::LightSample{},
+                scratch, out);
+    }
+  }
+
+  void end_one(const SurfaceQuery& q, const VertexStart& start, const shading::LightSample& light,
+               BlockScratch& scratch, ShadedBlock& out) {
+    const ShadedVertex vertex = end_vertex(inputs_.settings, *q.hit, *q.point, q.values, start, light);
     if (vertex.has_splat) scratch.splats.push_back(vertex.splat);
     send_on(vertex, q.hit->path.sample, out);
     if (inputs_.wants_aovs && q.hit->path.bounce == 0) scratch.aovs.push_back(first_hit_aovs(q));
@@ -310,7 +335,8 @@ class Shader {
     }
     if (const Status status = inputs_.resolver->resolve(queries, scratch.resolver); !status) return fail(status);
     if (inputs_.costs != nullptr) add_costs(queries, scratch);
-    for (const SurfaceQuery& q : queries) shade_one(q, scratch, out);
+    for (size_t first = 0; first < queries.size(); first += BlockScratch::kVertices)
+      shade_some(queries.subspan(first, std::min(BlockScratch::kVertices, queries.size() - first)), scratch, out);
     film_.add(scratch.splats);
     film_.add_aovs(scratch.aovs);
   }
