@@ -259,6 +259,14 @@ Status ByteSort::append(std::span<const SortKey> keys, std::span<const std::byte
 
 uint64_t ByteSort::capacity() const { return state_->capacity; }
 
+std::span<std::byte> ByteSort::lend(uint64_t count) {
+  State& s = *state_;
+  SPILLWAY_CHECK(s.size, ==, 0u);
+  count = std::min(count, s.capacity);
+  s.grow(count);
+  return {s.records.data(), count * s.record_bytes};
+}
+
 Status ByteSort::make_room(uint64_t count) {
   State& s = *state_;
   SPILLWAY_CHECK(s.finished, ==, false);
@@ -297,7 +305,6 @@ void ByteSort::clear() {
   s.file.reset();
   s.runs.clear();
   s.splitters.clear();
-  s.thread_requests.clear();
   s.finished = false;
 }
 

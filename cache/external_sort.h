@@ -73,6 +73,8 @@ class ByteSort {
   // Within the room that was made, by any number of threads at once: who comes first does not show in the order of keys.
   void append_apart(std::span<const SortKey> keys, const std::byte* records);
   [[nodiscard]] uint64_t capacity() const;  // records that fit in memory
+  // Memory of so many records, capacity() at most, before any are there. append_apart() takes it from the front.
+  std::span<std::byte> lend(uint64_t count);
   Status finish();
   void clear();  // empty again; keeps its memory, gives its scratch back
   [[nodiscard]] size_t partition_count() const;  // 1 when nothing was spilled (0 when empty)
@@ -102,6 +104,7 @@ class ExternalSort {
     sort_.append_apart(keys, reinterpret_cast<const std::byte*>(records));
   }
   [[nodiscard]] uint64_t capacity() const { return sort_.capacity(); }
+  std::span<std::byte> lend(uint64_t count) { return sort_.lend(count); }
   Status finish() { return sort_.finish(); }
   void clear() { sort_.clear(); }
   [[nodiscard]] size_t partition_count() const { return sort_.partition_count(); }

@@ -34,6 +34,8 @@ constexpr uint64_t kLargestInCoreWavePaths = 256 << 10;
 constexpr uint64_t kStageBytes = 12 * kMiB;
 // What the allocator, the task scheduler and the image library hold outside every tag.
 constexpr uint64_t kSlackBytes = 24 * kMiB;
+// Paths are read ahead into the memory of hits, which has to be larger by two blocks of them.
+constexpr uint64_t kPathsBesideAhead = 20 << 10;
 // Write-behind and read-ahead blocks of the three spilled streams and the sort, and the smallest hit sort of use.
 constexpr uint64_t kSpillBufferBytes = 48 * kMiB;
 constexpr uint64_t kSmallestHitSortBytes = 32 * kMiB;
@@ -193,7 +195,7 @@ Plan shape(const SceneFacts& f, const PlanOptions& o, const Way& way, uint64_t b
     };
     // What the caches leave: sweeps in one window, then a sort of hits in memory, which saves most of what spills.
     if (!plan.pages_fit) give(plan.pair_bytes, paths * (kPairBytesPerPath - kSpilledPairBytesPerPath));
-    give(plan.hit_bytes, paths * kHitBytesPerPath);
+    give(plan.hit_bytes, (paths + kPathsBesideAhead) * kHitBytesPerPath);
   }
   return plan;
 }

@@ -149,6 +149,10 @@ class RenderLoop {
     if (wave.shadows.ends) SPILLWAY_TRY(wave.shadows.ends->finish());
     cache::ExternalSort<HitRecord>& hits = hits_;
     hits.clear();
+    // While rays are traced nothing is in the sort: what comes back from scratch to be routed waits there. A path takes
+    // a hit's room when it was read.
+    if (auto& cold = wave.paths.cold; cold.spilled_bytes() > 0)
+      cold.read_ahead(hits.lend(report.path_count + 2 * cold.records_per_block()), sizeof(HitRecord));
     state_.inputs.hits_descend = turns_hits() && report_.waves.size() % 2 == 1;
     SPILLWAY_TRY(tracer_.trace(wave, report));
     log_wave(wave, report);
