@@ -216,7 +216,6 @@ SPILLWAY_INLINE bool walk_unordered(const TreeView<Leaf> tree, uint32_t root, co
           hits.mask ^= 1u << last;
         }
         reference = node.child[std::countr_zero(hits.mask)];
-        tree.prefetch(reference);
         continue;
       }
     }
