@@ -215,7 +215,7 @@ class RenderLoop {
     SPILLWAY_TRY(route_hits(state_.inputs.settings, tracer_.traced_paths(wave, track_scratch_.path_results),
                             tracer_.traced_shadows(wave, track_scratch_.shadow_results), hits, *state_.film, route_scratch_,
                             report_.route, hit_order(), state_.costs.get()));
-    if (state_.plan.spills) tracer_.give_back();
+    if (state_.plan.gives_back) tracer_.give_back();
     return {};
   }
 
