@@ -21,7 +21,7 @@ namespace spillway::cache {
 namespace {
 
 constexpr uint32_t kRunMagic = 0x4e525053;  // "SPRN"
-constexpr size_t kGatherBlock = 2048;
+constexpr size_t kBlock = 4096;  // items a task
 constexpr size_t kPrefetch = 8;  // records ahead of the one that is copied: they lie in another order
 
 struct BlockHeader {
@@ -47,7 +47,7 @@ struct ByteSort::State {
   uint64_t capacity;                 // records of a run, and of a partition
   uint64_t records_per_block, block_bytes;
   uint64_t request_blocks;           // neighbouring blocks of a run that are written or read at once
-  Buffer<std::byte> records, sorted;
+  Buffer<std::byte> records;
   Buffer<SortKey> keys;
   Buffer<KeyIndex<uint64_t>> pairs, pair_scratch;
   uint64_t filled = 0, size = 0;
@@ -59,7 +59,7 @@ struct ByteSort::State {
   bool finished = false;
 
   State(size_t bytes, StreamOptions o) : record_bytes(bytes), options(std::move(o)) {
-    const uint64_t item_bytes = 2 * record_bytes + sizeof(SortKey) + 2 * sizeof(KeyIndex<uint64_t>);
+    const uint64_t item_bytes = record_bytes + sizeof(SortKey) + 2 * sizeof(KeyIndex<uint64_t>);
     capacity = std::clamp<uint64_t>(options.memory_limit_bytes / item_bytes, 64, UINT32_MAX);
     const uint64_t stored = record_bytes + sizeof(SortKey);
     // A partition reads a piece of every run, rounded to blocks: blocks are small against a partition.
@@ -74,31 +74,35 @@ struct ByteSort::State {
     const uint64_t had = keys.capacity();
     if (wanted <= had) return;
     const uint64_t count = std::max(wanted, std::min(capacity, std::max<uint64_t>(2 * had, 4096)));
-    records.grow(options.tag, count * record_bytes), sorted.grow(options.tag, count * record_bytes);
+    records.grow(options.tag, count * record_bytes);
     keys.grow(options.tag, count), pairs.grow(options.tag, count), pair_scratch.grow(options.tag, count);
   }
 
   // Orders pairs by the whole key: radix on the high half, then each run of equal high halves by the low one.
   void sort_filled() {
     const std::span items(pairs.data(), filled);
-    parallel_blocks(filled, kGatherBlock, [&](size_t, size_t first, size_t last) {
+    parallel_blocks(filled, kBlock, [&](size_t, size_t first, size_t last) {
       for (size_t i = first; i < last; ++i) items[i] = {keys[i].high, static_cast<uint32_t>(i)};
     });
     radix_sort(items, {pair_scratch.data(), filled});
-    const auto low = [&](const KeyIndex<uint64_t>& item) { return keys[item.index].low; };
-    for (size_t first = 0; first < filled;) {
-      size_t last = first + 1;
-      while (last < filled && items[last].key == items[first].key) ++last;
-      if (last - first > 1)
-        std::sort(items.begin() + first, items.begin() + last, [&](const auto& a, const auto& b) { return low(a) < low(b); });
-      first = last;
-    }
-    parallel_blocks(filled, kGatherBlock, [&](size_t, size_t first, size_t last) {
-      const auto record = [&](size_t i) { return records.data() + uint64_t{items[i].index} * record_bytes; };
-      for (size_t i = first; i < last; ++i) {
-        if (i + kPrefetch < last) __builtin_prefetch(record(i + kPrefetch)), __builtin_prefetch(record(i + kPrefetch) + 64);
-        std::memcpy(sorted.data() + i * record_bytes, record(i), record_bytes);
+    sort_ties(items);
+  }
+
+  // First all ties are found, each where it begins, then sorted: nobody looks at an item that another moves.
+  void sort_ties(std::span<KeyIndex<uint64_t>> items) {
+    using Tie = std::span<KeyIndex<uint64_t>>;
+    std::vector<std::vector<Tie>> ties(block_count(items.size(), kBlock));
+    parallel_blocks(items.size(), kBlock, [&](size_t b, size_t first, size_t last) {
+      while (first > 0 && first < last && items[first].key == items[first - 1].key) ++first;
+      while (first < last) {
+        size_t end = first + 1;
+        while (end < items.size() && items[end].key == items[first].key) ++end;
+        if (end - first > 1) ties[b].push_back(items.subspan(first, end - first));
+        first = end;
       }
+    });
+    parallel_blocks(ties.size(), 1, [&](size_t b, size_t, size_t) {
+      for (const Tie tie : ties[b]) std::ranges::sort(tie, {}, [&](const auto& item) { return keys[item.index].low; });
     });
   }
 
@@ -135,9 +139,14 @@ struct ByteSort::State {
   // Keys first, then records.
   void fill_block(std::byte* block, uint64_t first, uint64_t count, uint64_t index) const {
     std::byte* const body = block + sizeof(BlockHeader);
-    auto* to = reinterpret_cast<SortKey*>(body);
-    for (uint64_t i = 0; i < count; ++i) to[i] = keys[pairs[first + i].index];
-    std::memcpy(body + count * sizeof(SortKey), sorted.data() + first * record_bytes, count * record_bytes);
+    auto* const to = reinterpret_cast<SortKey*>(body);
+    std::byte* const to_records = body + count * sizeof(SortKey);
+    const auto record = [&](uint64_t i) { return records.data() + uint64_t{pairs[first + i].index} * record_bytes; };
+    for (uint64_t i = 0; i < count; ++i) {
+      if (i + kPrefetch < count) __builtin_prefetch(record(i + kPrefetch)), __builtin_prefetch(record(i + kPrefetch) + 64);
+      to[i] = keys[pairs[first + i].index];
+      std::memcpy(to_records + i * record_bytes, record(i), record_bytes);
+    }
     const uint64_t used = count * (sizeof(SortKey) + record_bytes);
     const BlockHeader header{kRunMagic, static_cast<uint32_t>(count), index, checksum(body, used)};
     std::memcpy(block, &header, sizeof header);
@@ -248,26 +257,33 @@ Status ByteSort::append(std::span<const SortKey> keys, std::span<const std::byte
   return {};
 }
 
-Status ByteSort::append(std::span<const SortSpan> pieces) {
+uint64_t ByteSort::capacity() const { return state_->capacity; }
+
+std::span<std::byte> ByteSort::lend(uint64_t count) {
   State& s = *state_;
-  uint64_t end = s.filled;
-  std::vector<uint64_t> firsts;
-  for (const SortSpan& piece : pieces) firsts.push_back(std::exchange(end, end + piece.count));
-  if (end > s.capacity) {
-    for (const SortSpan& piece : pieces)
-      SPILLWAY_TRY(append({piece.keys, piece.count}, {static_cast<const std::byte*>(piece.records), piece.count * s.record_bytes}));
-    return {};
-  }
-  s.grow(end);
-  parallel_blocks(pieces.size(), 1, [&](size_t i, size_t, size_t) {
-    const SortSpan& piece = pieces[i];
-    if (piece.count == 0) return;
-    std::memcpy(static_cast<void*>(s.keys.data() + firsts[i]), piece.keys, piece.count * sizeof(SortKey));
-    std::memcpy(s.records.data() + firsts[i] * s.record_bytes, piece.records, piece.count * s.record_bytes);
-  });
-  s.size += end - s.filled;
-  s.filled = end;
+  SPILLWAY_CHECK(s.size, ==, 0u);
+  count = std::min(count, s.capacity);
+  s.grow(count);
+  return {s.records.data(), count * s.record_bytes};
+}
+
+Status ByteSort::make_room(uint64_t count) {
+  State& s = *state_;
+  SPILLWAY_CHECK(s.finished, ==, false);
+  SPILLWAY_CHECK(count, <=, s.capacity);
+  if (s.filled + count > s.capacity) SPILLWAY_TRY(s.spill_run());
+  s.grow(s.filled + count);
   return {};
+}
+
+void ByteSort::append_apart(std::span<const SortKey> keys, const std::byte* records) {
+  State& s = *state_;
+  if (keys.empty()) return;
+  const uint64_t at = std::atomic_ref(s.filled).fetch_add(keys.size(), std::memory_order_relaxed);
+  SPILLWAY_CHECK(at + keys.size(), <=, s.keys.capacity());
+  std::atomic_ref(s.size).fetch_add(keys.size(), std::memory_order_relaxed);
+  std::memcpy(static_cast<void*>(s.keys.data() + at), keys.data(), keys.size_bytes());
+  std::memcpy(s.records.data() + at * s.record_bytes, records, keys.size() * s.record_bytes);
 }
 
 Status ByteSort::finish() {
@@ -289,7 +305,6 @@ void ByteSort::clear() {
   s.file.reset();
   s.runs.clear();
   s.splitters.clear();
-  s.thread_requests.clear();
   s.finished = false;
 }
 
@@ -297,14 +312,14 @@ size_t ByteSort::partition_count() const { return state_->splitters.size(); }
 uint64_t ByteSort::spilled_bytes() const { return state_->file_bytes; }
 uint64_t ByteSort::size() const { return state_->size; }
 
-Result<std::span<const std::byte>> ByteSort::partition(size_t p) {
+Result<ByteSort::Partition> ByteSort::partition(size_t p) {
   State& s = *state_;
   SPILLWAY_CHECK(p, <, s.splitters.size());
   if (!s.runs.empty()) {
     SPILLWAY_TRY(s.load(s.splitters[p], p + 1 < s.splitters.size() ? &s.splitters[p + 1] : nullptr));
   }
   s.sort_filled();
-  return std::span<const std::byte>(s.sorted.data(), s.filled * s.record_bytes);
+  return Partition{{s.pairs.data(), s.filled}, s.records.data()};
 }
 
 }  // namespace spillway::cache

@@ -3,11 +3,11 @@
 // Sorts records by a 128-bit key: in memory while they fit, else as sorted runs on scratch that are cut into partitions
 // by sampled splitters over the whole key and brought back one partition after the other.
 //
-// In: append() any number of times. Out: partitions in key order, each a contiguous array in memory.
-// Memory: `tag` up to memory_limit_bytes in both phases: while filling, records, keys and sort pairs of one run and its
-//         sorted copy (2 record + 48 bytes an item); while reading, one partition the same way. Besides, a request of
+// In: append() any number of times. Out: partitions in key order, each in memory: its records as they came, and their order.
+// Memory: `tag` up to memory_limit_bytes in both phases: while filling, records, keys and sort pairs of one run
+//         (a record and 48 bytes an item); while reading, one partition the same way. Besides, a request of
 //         MemoryTag::streams a thread (options.block_bytes, or one block of the run).
-// Threads: one appender; sorting and reading use the threads of the current arena.
+// Threads: one appender, or any number within make_room(); sorting and reading use the threads of the current arena.
 // Order: by key; the caller makes keys unique, so the order is total and depends on nothing else.
 // Based on: sample sort of external runs (splitters from every run's every n-th key), one write and one read a record.
 
@@ -15,6 +15,7 @@
 #include <memory>
 #include <span>
 
+#include "cache/radix_sort.h"
 #include "cache/record_stream.h"
 
 namespace spillway::cache {
@@ -28,11 +29,35 @@ struct SortKey {
   friend bool operator==(const SortKey& a, const SortKey& b) = default;
 };
 
-// A piece of what a parallel stage made: keys and records, to be appended in order with others.
-struct SortSpan {
-  const SortKey* keys = nullptr;
-  const void* records = nullptr;
-  size_t count = 0;
+// Records in the order of their keys. They are not moved: a copy of all would cost as much as the sort.
+template <class T>
+class SortedRecords {
+ public:
+  SortedRecords() = default;
+  SortedRecords(std::span<const KeyIndex<uint64_t>> order, const T* records) : order_(order), records_(records) {}
+  [[nodiscard]] size_t size() const { return order_.size(); }
+  [[nodiscard]] bool empty() const { return order_.empty(); }
+  const T& operator[](size_t i) const { return records_[order_[i].index]; }
+  [[nodiscard]] const T& front() const { return (*this)[0]; }
+  [[nodiscard]] SortedRecords first(size_t count) const { return {order_.first(count), records_}; }
+  [[nodiscard]] SortedRecords subspan(size_t first, size_t count = std::dynamic_extent) const {
+    return {order_.subspan(first, count), records_};
+  }
+  // All of them, one after the other; the memory is asked ahead.
+  void copy_to(T* to) const {
+    constexpr size_t kAhead = 8;
+    for (size_t i = 0; i < size(); ++i) {
+      if (i + kAhead < size()) {
+        const auto* const at = reinterpret_cast<const char*>(&(*this)[i + kAhead]);
+        for (size_t line = 0; line < sizeof(T); line += 64) __builtin_prefetch(at + line);
+      }
+      to[i] = (*this)[i];
+    }
+  }
+
+ private:
+  std::span<const KeyIndex<uint64_t>> order_;
+  const T* records_ = nullptr;
 };
 
 class ByteSort {
@@ -43,15 +68,24 @@ class ByteSort {
   ~ByteSort();
 
   Status append(std::span<const SortKey> keys, std::span<const std::byte> records);
-  // The same as appending one after the other; copies in parallel while the run has room.
-  Status append(std::span<const SortSpan> pieces);
+  // Room in memory for so many more, capacity() at most; spills what there is where both do not fit.
+  Status make_room(uint64_t count);
+  // Within the room that was made, by any number of threads at once: who comes first does not show in the order of keys.
+  void append_apart(std::span<const SortKey> keys, const std::byte* records);
+  [[nodiscard]] uint64_t capacity() const;  // records that fit in memory
+  // Memory of so many records, capacity() at most, before any are there. append_apart() takes it from the front.
+  std::span<std::byte> lend(uint64_t count);
   Status finish();
   void clear();  // empty again; keeps its memory, gives its scratch back
   [[nodiscard]] size_t partition_count() const;  // 1 when nothing was spilled (0 when empty)
   [[nodiscard]] uint64_t spilled_bytes() const;
   [[nodiscard]] uint64_t size() const;
-  // The records of partition p in key order. The span is valid until the next call. Ask in ascending order, once each.
-  Result<std::span<const std::byte>> partition(size_t p);
+  // The records of partition p, and their order. Valid until the next call. Ask in ascending order, once each.
+  struct Partition {
+    std::span<const KeyIndex<uint64_t>> order;
+    const std::byte* records = nullptr;
+  };
+  Result<Partition> partition(size_t p);
 
  private:
   struct State;
@@ -65,15 +99,20 @@ class ExternalSort {
   Status append(std::span<const SortKey> keys, std::span<const T> records) {
     return sort_.append(keys, std::as_bytes(records));
   }
-  Status append(std::span<const SortSpan> pieces) { return sort_.append(pieces); }  // records each of T
+  Status make_room(uint64_t count) { return sort_.make_room(count); }
+  void append_apart(std::span<const SortKey> keys, const T* records) {
+    sort_.append_apart(keys, reinterpret_cast<const std::byte*>(records));
+  }
+  [[nodiscard]] uint64_t capacity() const { return sort_.capacity(); }
+  std::span<std::byte> lend(uint64_t count) { return sort_.lend(count); }
   Status finish() { return sort_.finish(); }
   void clear() { sort_.clear(); }
   [[nodiscard]] size_t partition_count() const { return sort_.partition_count(); }
   [[nodiscard]] uint64_t spilled_bytes() const { return sort_.spilled_bytes(); }
   [[nodiscard]] uint64_t size() const { return sort_.size(); }
-  Result<std::span<const T>> partition(size_t p) {
-    SPILLWAY_ASSIGN(const std::span<const std::byte> raw, sort_.partition(p));
-    return std::span<const T>(reinterpret_cast<const T*>(raw.data()), raw.size() / sizeof(T));
+  Result<SortedRecords<T>> partition(size_t p) {
+    SPILLWAY_ASSIGN(const ByteSort::Partition raw, sort_.partition(p));
+    return SortedRecords<T>(raw.order, reinterpret_cast<const T*>(raw.records));
   }
 
  private:

@@ -3,7 +3,12 @@
 #include <tbb/enumerable_thread_specific.h>
 
 #include <algorithm>
+#include <condition_variable>
+#include <functional>
 #include <future>
+#include <mutex>
+#include <optional>
+#include <thread>
 #include <vector>
 
 #include "cache/base/alignment.h"
@@ -31,6 +36,51 @@ uint64_t aligned(uint64_t bytes) { return spillway::aligned(bytes, kDirectAlignm
 
 }  // namespace
 
+// Blocks on their way from scratch before they are asked for.
+struct Ahead {
+  using ReadBlock = std::function<Status(uint64_t index, std::span<std::byte> into)>;
+
+  std::span<std::byte> memory;  // a block each
+  uint64_t block_bytes, next = 0;
+  std::vector<std::optional<Status>> done;
+  ReadBlock read_block;
+  std::mutex mutex;  // of next and done
+  std::condition_variable is_done;
+  std::vector<std::thread> readers;
+
+  Ahead(std::span<std::byte> lent, uint64_t bytes, ReadBlock read)
+      : memory(lent), block_bytes(bytes), done(lent.size() / bytes), read_block(std::move(read)) {
+    constexpr int kReaders = 2;  // requests under way
+    for (int i = 0; i < kReaders; ++i) readers.emplace_back([this] { read_all(); });
+  }
+  ~Ahead() {
+    {
+      const std::lock_guard lock(mutex);
+      next = done.size();
+    }
+    for (std::thread& reader : readers) reader.join();
+  }
+  [[nodiscard]] std::span<std::byte> block(uint64_t index) const {
+    return memory.subspan(index * block_bytes, block_bytes);
+  }
+  void read_all() {
+    std::unique_lock lock(mutex);
+    while (next < done.size()) {
+      const uint64_t index = next++;
+      lock.unlock();
+      const Status status = read_block(index, block(index));
+      lock.lock();
+      done[index] = status;
+      is_done.notify_all();
+    }
+  }
+  Status wait_for(uint64_t index) {
+    std::unique_lock lock(mutex);
+    is_done.wait(lock, [&] { return done[index].has_value(); });
+    return *done[index];
+  }
+};
+
 // Records are kept in chunks of one block each. While the limit allows, chunks stay; beyond it, the chunk that is full is
 // handed to a writer thread and a second one is filled meanwhile.
 struct ByteStream::State {
@@ -46,6 +96,7 @@ struct ByteStream::State {
   uint64_t spilled_blocks = 0;  // handed to the writer so far
   bool finished = false;
   mutable tbb::enumerable_thread_specific<Buffer<std::byte>> thread_blocks;  // what each thread reads
+  std::unique_ptr<Ahead> ahead;
 
   State(size_t bytes, StreamOptions o) : record_bytes(bytes), options(std::move(o)) {
     block_bytes = aligned(std::max<uint64_t>(options.block_bytes, sizeof(BlockHeader) + record_bytes));
@@ -70,8 +121,7 @@ struct ByteStream::State {
                    options.memory_limit_bytes);
     if (!file) {
       SPILLWAY_ASSIGN(file, options.scratch->create_file(options.what, options.purpose));
-      filling = Buffer<std::byte>(MemoryTag::streams, block_bytes);
-      writing = Buffer<std::byte>(MemoryTag::streams, block_bytes);
+      filling.grow(MemoryTag::streams, block_bytes), writing.grow(MemoryTag::streams, block_bytes);
     }
     return &filling;
   }
@@ -93,7 +143,7 @@ struct ByteStream::State {
     return {};
   }
 
-  Status read_block(uint64_t spilled_index, Buffer<std::byte>& into) const {
+  Status read_block(uint64_t spilled_index, std::span<std::byte> into) const {
     const uint64_t offset = spilled_index * block_bytes;
     SPILLWAY_TRY(file->read(offset, into));
     BlockHeader header;
@@ -106,13 +156,30 @@ struct ByteStream::State {
     return {};
   }
 
+  // How many spilled blocks may lie at the end of so much memory: each until its last record was read, behind what is
+  // taken until then. Most room is lacking for the first of them or for the last.
+  [[nodiscard]] uint64_t blocks_ahead(uint64_t memory_bytes, uint64_t taken_bytes_a_record) const {
+    const auto has_room = [&](uint64_t index, uint64_t count) {
+      const uint64_t read = (resident.size() + index + 1) * records_per_block;
+      return read * taken_bytes_a_record + (count - index) * block_bytes <= memory_bytes;
+    };
+    uint64_t count = spilled_blocks;
+    while (count > 0 && !(has_room(0, count) && has_room(count - 1, count))) --count;
+    return count;
+  }
+
   // Copies `count` records of a block, from the one numbered `first` in it on.
   Status copy(uint64_t block, uint64_t first, uint64_t count, std::byte* to) const {
-    const auto copy_from = [&](const Buffer<std::byte>& bytes) {
+    const auto copy_from = [&](std::span<const std::byte> bytes) {
       std::memcpy(to, bytes.data() + sizeof(BlockHeader) + first * record_bytes, count * record_bytes);
     };
     if (block < resident.size()) {
       copy_from(resident[block]);
+      return {};
+    }
+    if (const uint64_t index = block - resident.size(); ahead && index < ahead->done.size()) {
+      SPILLWAY_TRY(ahead->wait_for(index));
+      copy_from(ahead->block(index));
       return {};
     }
     Buffer<std::byte>& bytes = thread_blocks.local();
@@ -183,18 +250,27 @@ Status ByteStream::finish() {
     const uint64_t spilled = s.size - s.resident.size() * s.records_per_block;
     if (const uint64_t rest = spilled % s.records_per_block; rest != 0) SPILLWAY_TRY(s.spill(rest));
     SPILLWAY_TRY(s.wait_for_writer());
-    s.filling = {}, s.writing = {};
   }
   return {};
 }
 
+void ByteStream::read_ahead(std::span<std::byte> memory, uint64_t taken_bytes_a_record) {
+  State& s = *state_;
+  SPILLWAY_CHECK(s.finished, ==, true);
+  s.ahead.reset();
+  const uint64_t whole = memory.size() / kDirectAlignment * kDirectAlignment;  // the end of what is lent, aligned
+  const uint64_t bytes = s.blocks_ahead(whole, taken_bytes_a_record) * s.block_bytes;
+  if (bytes == 0) return;
+  s.ahead = std::make_unique<Ahead>(memory.first(whole).last(bytes), s.block_bytes,
+                                    [&s](uint64_t index, std::span<std::byte> into) { return s.read_block(index, into); });
+}
+
 void ByteStream::clear() {
   State& s = *state_;
+  s.ahead.reset();
   if (s.write.valid()) s.write.wait();
   s.write = {};
   s.file.reset();
-  s.filling = {}, s.writing = {};
-  s.thread_blocks.clear();
   s.size = s.spilled_blocks = 0;
   s.finished = false;
 }

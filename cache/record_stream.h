@@ -4,7 +4,8 @@
 //
 // Owns: its records. Memory: `tag` up to memory_limit_bytes, then two blocks of MemoryTag::streams,
 //       and one a thread that reads.
-// Threads: one appender, then (after finish) readers of any number; no lock is held over I/O.
+// Threads: one appender, then (after finish) readers of any number, and two of its own while it reads ahead; no lock is
+//          held over I/O.
 // Fails: a full scratch disk on append/finish; a damaged block on read, naming stream, block and offset.
 // Order: records come back in the order of append, whatever was spilled.
 
@@ -54,6 +55,10 @@ class ByteStream {
   // multiples of records_per_block(): each block is then read once.
   Status read(uint64_t first, std::span<std::byte> out) const;
   [[nodiscard]] uint64_t records_per_block() const;
+  // After finish(): begins to read what is spilled, from its first block on, into memory that is lent until clear();
+  // read() takes it from there. For every record that was read, in order, the lender may take so many bytes back, from
+  // the front. As many blocks are read ahead as have room behind that.
+  void read_ahead(std::span<std::byte> memory, uint64_t taken_bytes_a_record);
 
  private:
   struct State;
@@ -73,6 +78,9 @@ class RecordStream {
   [[nodiscard]] uint64_t size() const { return bytes_.size(); }
   [[nodiscard]] uint64_t spilled_bytes() const { return bytes_.spilled_bytes(); }
   [[nodiscard]] uint64_t records_per_block() const { return bytes_.records_per_block(); }
+  void read_ahead(std::span<std::byte> memory, uint64_t taken_bytes_a_record) {
+    bytes_.read_ahead(memory, taken_bytes_a_record);
+  }
   Status read(uint64_t first, std::span<T> out) const { return bytes_.read(first, std::as_writable_bytes(out)); }
 
  private:

@@ -31,30 +31,41 @@ struct KernelRay {
   __m256 slope[3], near_end[3], far_end[3];
   ptrdiff_t near_plane[3];  // where a node's planes that face the ray's origin begin, in bytes from `lower`
   ptrdiff_t far_plane[3];
+  alignas(16) float inverse[4];  // 1 / direction
+  float triangle_pad[4];
   Float3 origin, direction;
-  float inverse[3];   // 1 / direction
-  float triangle_pad[3];
   int kx, ky, kz;     // axes of the shear: kz is the largest of |direction|
   float ox, oy, oz;   // the origin's coordinates along them
   float sx, sy;       // Woop et al. 2013, section 3.1
 
+  // Three axes side by side: a ray is made for every instance that it meets.
   KernelRay(Float3 o, Float3 d, float extent) : origin(o), direction(d) {
     const float largest = std::max(max_abs(o), extent);
+    const __m128 sign = _mm_set1_ps(-0.0f), smallest = _mm_set1_ps(kSmallestDirection);
+    const __m128 along = _mm_set_ps(1, d.z, d.y, d.x), from = _mm_set_ps(0, o.z, o.y, o.x);
+    const __m128 is_small = _mm_cmplt_ps(_mm_andnot_ps(sign, along), smallest);
+    const __m128 component = _mm_blendv_ps(along, _mm_or_ps(_mm_and_ps(along, sign), smallest), is_small);
+    const __m128 inverted = _mm_div_ps(_mm_set1_ps(1), component), size = _mm_andnot_ps(sign, inverted);
+    const __m128 at_zero = _mm_xor_ps(_mm_mul_ps(from, inverted), sign);
+    const __m128 pad = _mm_mul_ps(_mm_set1_ps(kBoxPadding * largest), size);
+    const __m128 near = _mm_sub_ps(at_zero, pad), far = _mm_add_ps(at_zero, pad);
+    _mm_store_ps(inverse, inverted);
+    _mm_store_ps(triangle_pad, _mm_mul_ps(_mm_set1_ps(kTrianglePadding * largest), size));
+    spread(inverted, slope), spread(near, near_end), spread(far, far_end);
+    const int backwards = _mm_movemask_ps(component);
     for (int a = 0; a < 3; ++a) {
-      const float component = std::fabs(d[a]) < kSmallestDirection ? std::copysign(kSmallestDirection, d[a]) : d[a];
-      inverse[a] = 1 / component;
-      const float at_zero = -(o[a] * inverse[a]), pad = kBoxPadding * largest * std::fabs(inverse[a]);
-      slope[a] = _mm256_set1_ps(inverse[a]);
-      near_end[a] = _mm256_set1_ps(at_zero - pad);
-      far_end[a] = _mm256_set1_ps(at_zero + pad);
-      triangle_pad[a] = kTrianglePadding * largest * std::fabs(inverse[a]);
-      near_plane[a] = (std::signbit(component) ? kUpperPlanes : 0) + 8 * a;
-      far_plane[a] = (std::signbit(component) ? 0 : kUpperPlanes) + 8 * a;
+      near_plane[a] = (backwards >> a & 1) * kUpperPlanes + 8 * a;
+      far_plane[a] = kUpperPlanes - near_plane[a] + 16 * a;
     }
     choose_axes();
   }
 
  private:
+  static void spread(__m128 of_axes, __m256 (&to)[3]) {
+    to[0] = _mm256_broadcastss_ps(of_axes);
+    to[1] = _mm256_broadcastss_ps(_mm_movehdup_ps(of_axes));
+    to[2] = _mm256_broadcastss_ps(_mm_movehl_ps(of_axes, of_axes));
+  }
   // By tables and numbers: the axes of a ray cannot be foretold, so that branches cost more than the rest.
   void choose_axes() {
     const float d[3] = {direction.x, direction.y, direction.z}, o[3] = {origin.x, origin.y, origin.z};
@@ -142,10 +153,21 @@ SPILLWAY_INLINE bool walk(const TreeView<Leaf> tree, uint32_t root, const Kernel
       ++node_count;
       if (hits.mask != 0) {
         const int first = std::countr_zero(hits.mask);
-        StackEntry nearest = stack_entry(node.child[first], hits.entry[first]);
-        tree.prefetch(node.child[first]);
+        reference = node.child[first];
+        // One child or two is most often all.
+        if ((hits.mask &= hits.mask - 1) == 0) continue;
+        tree.prefetch(reference);
+        StackEntry nearest = stack_entry(reference, hits.entry[first]);
+        const int second = std::countr_zero(hits.mask);
+        if ((hits.mask & (hits.mask - 1)) == 0) {
+          tree.prefetch(node.child[second]);
+          const StackEntry child = stack_entry(node.child[second], hits.entry[second]);
+          stack[size++] = std::max(child, nearest);
+          reference = reference_of(std::min(child, nearest));
+          continue;
+        }
         const int bottom = size;
-        while ((hits.mask &= hits.mask - 1) != 0) {
+        for (; hits.mask != 0; hits.mask &= hits.mask - 1) {
           const int c = std::countr_zero(hits.mask);
           const StackEntry child = stack_entry(node.child[c], hits.entry[c]);
           tree.prefetch(node.child[c]);
@@ -194,7 +216,6 @@ SPILLWAY_INLINE bool walk_unordered(const TreeView<Leaf> tree, uint32_t root, co
           hits.mask ^= 1u << last;
         }
         reference = node.child[std::countr_zero(hits.mask)];
-        tree.prefetch(reference);
         continue;
       }
     }

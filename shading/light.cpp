@@ -1,6 +1,7 @@
 #include "shading/light.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 #include "shading/frame.h"
@@ -50,10 +51,9 @@ LightPlace place_on_mesh(const LightTable& table, const LightPick& pick, const T
 // Lights are the choices after these.
 size_t first_light(const LightTable& table) { return table.tree.empty() ? table.emitters.size() : 1; }
 
-LightSample sample_emitter(const LightTable& table, const LightPick& pick, Float3 receiver, Float2 u) {
-  const TriangleShape shape = emitter_in_world(table, pick.instance, pick.index);
-  const TrianglePoint place =
-      table.emitters_by_area ? sample_triangle_by_area(shape, receiver, u) : sample_triangle(shape, receiver, u);
+// At the place on an emitter that was sampled.
+LightSample emitter_sample(const LightTable& table, const LightPick& pick, const TriangleShape& shape, Float3 receiver,
+                           const TrianglePoint& place) {
   LightSample sample;
   sample.point_world = place.point;
   const Float3 to_light = sample.point_world - receiver;
@@ -160,7 +160,9 @@ float emitter_power(const TriangleShape& shape, const Emission& emission) {
   return l * kPi * 0.5f * length(cross(shape.edge1, shape.edge2)) * (emission.two_sided ? 2.0f : 1.0f);
 }
 
-LightSample sample_light(const LightTable& table, const LightReceiver& receiver, Float2 u_select, Float2 u) {
+namespace {
+
+LightPick choose_light(const LightTable& table, const LightReceiver& receiver, Float2 u_select) {
   if (table.empty()) return {};
   const auto after = std::upper_bound(table.cdf.begin() + 1, table.cdf.end() - 1, u_select.x);
   const auto choice = static_cast<size_t>(after - table.cdf.begin()) - 1;
@@ -176,7 +178,16 @@ LightSample sample_light(const LightTable& table, const LightReceiver& receiver,
       pick.pmf = chance * pick.pmf;
     }
   }
-  if (pick.kind == LightChild::emitter) return sample_emitter(table, pick, receiver.position_world, u);
+  return pick;
+}
+
+LightSample sample_picked(const LightTable& table, const LightPick& pick, const LightReceiver& receiver, Float2 u) {
+  if (pick.kind == LightChild::emitter) {
+    const TriangleShape shape = emitter_in_world(table, pick.instance, pick.index);
+    const Float3 from = receiver.position_world;
+    return emitter_sample(table, pick, shape, from,
+                          table.emitters_by_area ? sample_triangle_by_area(shape, from, u) : sample_triangle(shape, from, u));
+  }
   if (pick.kind != LightChild::light) return {};
   const Light& light = table.lights[pick.index];
   switch (light.kind) {
@@ -191,6 +202,42 @@ LightSample sample_light(const LightTable& table, const LightReceiver& receiver,
       return sample_infinite(table, pick.index, receiver.position_world, u);
   }
   return {};
+}
+
+constexpr size_t kLightsAtOnce = 64;
+
+// At most kLightsAtOnce: points on triangles are found together.
+void sample_some(const LightTable& table, std::span<const LightQuery> queries, std::span<LightSample> samples) {
+  std::array<LightPick, kLightsAtOnce> picks;
+  std::array<uint32_t, kLightsAtOnce> asking;
+  std::array<TriangleQuery, kLightsAtOnce> triangles;
+  std::array<TrianglePoint, kLightsAtOnce> points;
+  size_t count = 0;
+  for (uint32_t i = 0; i < queries.size(); ++i) {
+    const auto& [receiver, u_select, u] = queries[i];
+    const LightPick pick = picks[i] = choose_light(table, receiver, u_select);
+    if (pick.kind == LightChild::emitter && !table.emitters_by_area) {
+      asking[count] = i;
+      triangles[count++] = {emitter_in_world(table, pick.instance, pick.index), receiver.position_world, u};
+    } else {
+      samples[i] = sample_picked(table, pick, receiver, u);
+    }
+  }
+  sample_triangles(std::span(triangles).first(count), points);
+  for (size_t t = 0; t < count; ++t)
+    samples[asking[t]] =
+        emitter_sample(table, picks[asking[t]], triangles[t].triangle, triangles[t].receiver, points[t]);
+}
+
+}  // namespace
+
+LightSample sample_light(const LightTable& table, const LightReceiver& receiver, Float2 u_select, Float2 u) {
+  return sample_picked(table, choose_light(table, receiver, u_select), receiver, u);
+}
+
+void sample_lights(const LightTable& table, std::span<const LightQuery> queries, std::span<LightSample> samples) {
+  for (size_t first = 0; first < queries.size(); first += kLightsAtOnce)
+    sample_some(table, queries.subspan(first, std::min(kLightsAtOnce, queries.size() - first)), samples.subspan(first));
 }
 
 TriangleShape emitter_in_world(const LightTable& table, uint32_t instance, uint32_t emitter) {

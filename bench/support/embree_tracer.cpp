@@ -6,6 +6,7 @@
 #include <embree3/rtcore.h>
 #endif
 
+#include <cfloat>
 #include <cstring>
 #include <vector>
 
@@ -61,7 +62,8 @@ class EmbreeTracer final : public test::Tracer {
     RTCRay r{};
     r.org_x = ray.origin_world.x, r.org_y = ray.origin_world.y, r.org_z = ray.origin_world.z;
     r.dir_x = ray.direction_world.x, r.dir_y = ray.direction_world.y, r.dir_z = ray.direction_world.z;
-    r.tfar = ray.t_max, r.mask = mask;
+    // In robust mode Embree takes hits at tnear itself: of rays that leave the floor at height 0, the floor.
+    r.tnear = FLT_MIN, r.tfar = ray.t_max, r.mask = mask;
     return r;
   }
 

@@ -15,6 +15,7 @@ namespace spillway {
 
 template <class Step>
 Status parallel_status(size_t count, const Step& step) {
+  if (count == 1) return step(size_t{0});
   std::mutex mutex;
   std::optional<Error> first;
   size_t first_index = count;

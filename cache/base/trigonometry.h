@@ -6,15 +6,19 @@ namespace spillway {
 
 inline constexpr float kPi = 3.14159265358979f;
 
-struct SinCos {
-  float sin, cos;
+template <class F>
+struct SinCosOf {
+  F sin, cos;
 };
+using SinCos = SinCosOf<float>;
 
-// x in [-pi/4, pi/4]: Taylor polynomials to x^9 and x^8, absolute error below 2e-8 there.
-inline SinCos small_sin_cos(float x) {
-  const float s = x * x;
-  const float sine = x * (1 + s * (-1.0f / 6 + s * (1.0f / 120 + s * (-1.0f / 5040 + s * (1.0f / 362880)))));
-  const float cosine = 1 + s * (-0.5f + s * (1.0f / 24 + s * (-1.0f / 720 + s * (1.0f / 40320))));
+// x in [-pi/4, pi/4]: Taylor polynomials to x^9 and x^8, absolute error below 2e-8 there. Of one number or of several
+// side by side.
+template <class F>
+SinCosOf<F> small_sin_cos(F x) {
+  const F s = x * x;
+  const F sine = x * (1.0f + s * (-1.0f / 6 + s * (1.0f / 120 + s * (-1.0f / 5040 + s * (1.0f / 362880)))));
+  const F cosine = 1.0f + s * (-0.5f + s * (1.0f / 24 + s * (-1.0f / 720 + s * (1.0f / 40320))));
   return {sine, cosine};
 }
 

@@ -324,9 +324,9 @@ Result<LightTreeBuilder::Object> LightTreeBuilder::end() {
   std::vector<LightItem> pending, chunks;
   uint32_t taken = 0;
   for (size_t p = 0; p < sort_.partition_count(); ++p) {
-    SPILLWAY_ASSIGN(const std::span<const LightItem> sorted, sort_.partition(p));
-    for (const LightItem& item : sorted) {
-      pending.push_back(item), ++taken;
+    SPILLWAY_ASSIGN(const cache::SortedRecords<LightItem> sorted, sort_.partition(p));
+    for (size_t i = 0; i < sorted.size(); ++i) {
+      pending.push_back(sorted[i]), ++taken;
       if (pending.size() < options_.chunk_lights || taken == added_) continue;
       const auto end = pending.begin() + static_cast<std::ptrdiff_t>(chunk_end(pending, box_));
       std::vector<LightItem> rest(end, pending.end());

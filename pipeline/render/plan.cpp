@@ -19,7 +19,7 @@ constexpr uint64_t kSpilledPairBytesPerPath = 12;           // less than that: a
 constexpr uint64_t kParkedPerPath = 1;  // of a wave, when pages are missing; four are no better
 constexpr uint64_t kParkedBytes = 2 * (32 + 24 + 4) + 52 + 24 + 2 * (4 + 16) + kPairBytesPerPath;
 constexpr uint64_t kColdBytesPerPath = 52 + 24;             // path and shadow record, of one wave
-constexpr uint64_t kHitBytesPerPath = 2 * 96 + 3 * 16;      // records and their sorted copy, keys, order and its scratch
+constexpr uint64_t kHitBytesPerPath = 96 + 3 * 16;          // record, key, order and its scratch
 // Written and read again for every step of a spilled path: two cold records, and a hit with its key where hits spill too.
 constexpr uint64_t kColdSpillBytesPerStep = 2 * kColdBytesPerPath;
 constexpr uint64_t kHitSpillBytesPerStep = 2 * (96 + 16);
@@ -34,6 +34,9 @@ constexpr uint64_t kLargestInCoreWavePaths = 256 << 10;
 constexpr uint64_t kStageBytes = 12 * kMiB;
 // What the allocator, the task scheduler and the image library hold outside every tag.
 constexpr uint64_t kSlackBytes = 24 * kMiB;
+// Hits of a spilled wave that are to stay in memory: of all its paths, of shadow rays that meet masks, of a batch of rays
+// that might all hit; and behind paths that are read ahead into their memory two blocks of these.
+constexpr uint64_t hits_of_all(uint64_t paths) { return paths + paths / 16 + (64 << 10); }
 // Write-behind and read-ahead blocks of the three spilled streams and the sort, and the smallest hit sort of use.
 constexpr uint64_t kSpillBufferBytes = 48 * kMiB;
 constexpr uint64_t kSmallestHitSortBytes = 32 * kMiB;
@@ -99,7 +102,7 @@ uint64_t wave_bytes(const SceneFacts& f, const Way& way) {
   const uint64_t media = paths * ((f.has_media ? kMediaBytesPerPath : 0) + (f.has_costs ? kCostBytesPerPath : 0) +
                                   (f.looks_up_emission ? kLightPlaceBytesPerPath : 0)) +
                          (f.looks_up_emission && spills ? kLightPlaceBufferBytes : 0);
-  // A spilled wave gives back what sorting took before it traces, and all but the rays before it shades.
+  // A spilled wave may give back what sorting took before it traces, and all but the rays before it shades.
   if (spills) return media + paths * (kHotBytesPerPath + kSpilledPairBytesPerPath) + kSpillBufferBytes + kSmallestHitSortBytes;
   return media + paths * (kHotBytesPerPath + kSortBytesPerPath + kPairBytesPerPath + kNextHotBytesPerPath + 2 * kColdBytesPerPath +
                   kHitBytesPerPath) +
@@ -193,7 +196,11 @@ Plan shape(const SceneFacts& f, const PlanOptions& o, const Way& way, uint64_t b
     };
     // What the caches leave: sweeps in one window, then a sort of hits in memory, which saves most of what spills.
     if (!plan.pages_fit) give(plan.pair_bytes, paths * (kPairBytesPerPath - kSpilledPairBytesPerPath));
-    give(plan.hit_bytes, paths * kHitBytesPerPath);
+    const uint64_t of_all = hits_of_all(paths) * kHitBytesPerPath;
+    give(plan.hit_bytes, of_all - std::min(of_all, plan.hit_bytes));
+    const uint64_t kept = paths * kSortBytesPerPath;
+    plan.gives_back = budget - plan.memory_bytes < kept;
+    if (!plan.gives_back) plan.memory_bytes += kept;
   }
   return plan;
 }

@@ -47,6 +47,7 @@ struct PlanOptions {
 struct Plan {
   uint64_t wave_paths = 0;      // camera and continued paths a wave; each may send one shadow ray
   bool spills = false;          // cold columns and hits beyond their limits go to scratch
+  bool gives_back = false;      // then: what a stage does not need is freed before it, to be touched again in the next wave
   bool pages_fit = true, attributes_fit = true, textures_fit = true, volumes_fit = true;
   uint64_t page_bytes = 0, attribute_bytes = 0, texture_bytes = 0, volume_bytes = 0;  // limits of the caches
   uint64_t run_bytes = 0;          // segments that wait for bricks of volumes, where those do not fit

@@ -133,7 +133,11 @@ class RenderLoop {
     const size_t made = camera_rays_.generate_rays(room, wave.paths.hot.data() + at, generated_.data());
     wave.paths.hot.set_size(at + made);
     report.generated_count += made;
-    return wave.paths.cold.append({generated_.data(), made});
+    constexpr size_t kPiece = 1024;  // copied by a thread
+    std::vector<cache::RecordSpan> pieces;
+    for (size_t first = 0; first < made; first += kPiece)
+      pieces.push_back({generated_.data() + first, std::min(kPiece, made - first)});
+    return wave.paths.cold.append(pieces);
   }
 
   // One bounce: sort, trace, route, shade. The rays of the wave become the rays of the next, in the same buffers: once
@@ -145,6 +149,10 @@ class RenderLoop {
     if (wave.shadows.ends) SPILLWAY_TRY(wave.shadows.ends->finish());
     cache::ExternalSort<HitRecord>& hits = hits_;
     hits.clear();
+    // While rays are traced nothing is in the sort: what comes back from scratch to be routed waits there. A path takes
+    // a hit's room when it was read.
+    if (auto& cold = wave.paths.cold; cold.spilled_bytes() > 0)
+      cold.read_ahead(hits.lend(report.path_count + 2 * cold.records_per_block()), sizeof(HitRecord));
     state_.inputs.hits_descend = turns_hits() && report_.waves.size() % 2 == 1;
     SPILLWAY_TRY(tracer_.trace(wave, report));
     log_wave(wave, report);
@@ -207,7 +215,7 @@ class RenderLoop {
     SPILLWAY_TRY(route_hits(state_.inputs.settings, tracer_.traced_paths(wave, track_scratch_.path_results),
                             tracer_.traced_shadows(wave, track_scratch_.shadow_results), hits, *state_.film, route_scratch_,
                             report_.route, hit_order(), state_.costs.get()));
-    if (state_.plan.spills) tracer_.give_back();
+    if (state_.plan.gives_back) tracer_.give_back();
     return {};
   }
 

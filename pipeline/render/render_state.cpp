@@ -147,7 +147,7 @@ void connect(RenderState& state) {
   state.resolver = std::make_unique<MaterialResolver>(in.tables, settings.render.seed);
   in.resolver = state.resolver.get();
   in.wants_aovs = state.options.aov_layers;
-  in.hits_are_sorted = state.options.sort_hits;
+  in.hits_are_sorted = state.options.sort_hits, in.hits_come_in_runs = state.options.hit_batch_rays != 0;
   in.stages_face_textures = state.options.read_ahead_textures && state.textures &&
                             state.textures->has_face_textures() && !state.plan.textures_fit;
 }

@@ -1,28 +1,26 @@
 #include "pipeline/render/route_hits.h"
 
 #include <algorithm>
-#include <array>
+#include <utility>
 
 #include "cache/base/parallel.h"
+#include "cache/base/parallel_status.h"
 
 namespace spillway::pipeline {
 namespace {
 
-constexpr size_t kBatchRecords = RouteHitsScratch::kBatchRecords;
-constexpr size_t kBlockRecords = 1024;
+using Block = RouteHitsScratch::Block;
+constexpr size_t kBlockRecords = Block::kRecords;
 
-// What one block of rays turned into, written to the scratch from `first` on.
-struct RoutedBlock {
-  size_t first = 0;
-  uint32_t hit_count = 0, splat_count = 0, occluded_count = 0, alpha_shadow_count = 0;
-  uint32_t medium_count = 0, absorbed_count = 0, parked_count = 0;
+void emit(const HitRecord& record, const cache::SortKey& key, Block& out) {
+  out.hits[out.hit_count] = record;
+  out.keys[out.hit_count++] = key;
+  ++out.report.hit_count;
+}
+void emit(const SplatRecord& splat, Block& out) { out.splats[out.splat_count++] = splat; }
 
-  void emit(const HitRecord& record, const cache::SortKey& key, RouteHitsScratch& scratch) {
-    scratch.hits[first + hit_count] = record;
-    scratch.keys[first + hit_count++] = key;
-  }
-  void emit(const SplatRecord& splat, RouteHitsScratch& scratch) { scratch.splats[first + splat_count++] = splat; }
-};
+std::span<PathRecord> cold_of(Block& block, const PathRecord*) { return block.paths; }
+std::span<ShadowRecord> cold_of(Block& block, const ShadowRecord*) { return block.shadows; }
 
 // Interleaves the bits of two 8-bit numbers.
 uint32_t morton16(uint32_t x, uint32_t y) {
@@ -36,36 +34,45 @@ uint32_t morton16(uint32_t x, uint32_t y) {
 
 uint32_t unit_to_byte(float x) { return static_cast<uint32_t>(std::clamp(x, 0.0f, 1.0f) * 255.0f); }
 
-// Reads the cold records batch by batch, routes the blocks of a batch in parallel, appends their hits in block order.
-// read_more: what else a batch needs, from a first record on.
-template <class Record, class ReadMore, class RouteOne>
-Status route_all(const cache::RecordStream<Record>& records, Buffer<Record>& cold, size_t count,
-                 cache::ExternalSort<HitRecord>& sort, Film& film, RouteHitsScratch& scratch, RouteHitsReport& report,
-                 const ReadMore& read_more, const RouteOne& route_one) {
-  std::array<RoutedBlock, kBatchRecords / kBlockRecords> blocks;
-  // Whole blocks of the stream where they fit a batch: each is then read once.
+// Records of a batch: a few make what fits of the hits, and whole blocks of a spilled stream, of which each is then read
+// once.
+template <class Record>
+size_t batch_records(const cache::RecordStream<Record>& records, const cache::ExternalSort<HitRecord>& sort) {
+  const auto most = std::clamp<size_t>(sort.capacity() / 4, 1, RouteHitsScratch::kBatchRecords);
   const size_t per_block = records.records_per_block();
-  const size_t step = per_block <= kBatchRecords ? kBatchRecords / per_block * per_block : kBatchRecords;
+  return per_block <= most ? most / per_block * per_block : most;
+}
+
+// Routes the cold records batch by batch, the blocks of a batch in parallel. What is spilled is read by the batch, what
+// else a batch needs by read_more, from a first record on. route_one may change the record that it is given, a copy.
+template <class Record, class ReadMore, class RouteOne>
+Status route_all(const cache::RecordStream<Record>& records, Buffer<Record>& spilled, size_t count,
+                 cache::ExternalSort<HitRecord>& sort, Film& film, RouteHitsScratch& scratch, const ReadMore& read_more,
+                 const RouteOne& route_one) {
+  const bool is_spilled = records.spilled_bytes() > 0;
+  const size_t step = batch_records(records, sort);
+  if (is_spilled) spilled.grow(MemoryTag::paths, step);
   for (size_t start = 0; start < count; start += step) {
     const size_t in_batch = std::min(step, count - start);
-    SPILLWAY_TRY(records.read(start, {cold.data(), in_batch}));
+    if (is_spilled) SPILLWAY_TRY(records.read(start, {spilled.data(), in_batch}));
     SPILLWAY_TRY(read_more(start, in_batch));
-    parallel_blocks(in_batch, kBlockRecords, [&](size_t b, size_t first, size_t last) {
-      RoutedBlock out{first};
-      for (size_t i = first; i < last; ++i) route_one(start + i, cold[i], out);
-      film.add({scratch.splats.data() + first, out.splat_count});
-      blocks[b] = out;
-    });
-    std::array<cache::SortSpan, kBatchRecords / kBlockRecords> pieces;
-    const size_t block_total = block_count(in_batch, kBlockRecords);
-    for (size_t b = 0; b < block_total; ++b) {
-      const RoutedBlock& out = blocks[b];
-      pieces[b] = {scratch.keys.data() + out.first, scratch.hits.data() + out.first, out.hit_count};
-      report.hit_count += out.hit_count, report.occluded_count += out.occluded_count;
-      report.alpha_shadow_count += out.alpha_shadow_count, report.medium_count += out.medium_count;
-      report.absorbed_count += out.absorbed_count, report.parked_count += out.parked_count;
-    }
-    SPILLWAY_TRY(sort.append(std::span(pieces).first(block_total)));
+    SPILLWAY_TRY(sort.make_room(in_batch));
+    const auto route_block = [&](size_t first, size_t last) -> Status {
+      Block& out = scratch.blocks.local();
+      out.hit_count = out.splat_count = 0;
+      std::span<Record> cold = cold_of(out, spilled.data()).first(last - first);
+      if (is_spilled)
+        cold = std::span(spilled.data() + first, last - first);
+      else
+        SPILLWAY_TRY(records.read(start + first, cold));
+      for (size_t i = first; i < last; ++i) route_one(start + i, cold[i - first], out);
+      film.add({out.splats.data(), out.splat_count});
+      sort.append_apart({out.keys.data(), out.hit_count}, out.hits.data());
+      return {};
+    };
+    SPILLWAY_TRY(parallel_status(block_count(in_batch, kBlockRecords), [&](size_t b) {
+      return route_block(b * kBlockRecords, std::min(in_batch, (b + 1) * kBlockRecords));
+    }));
   }
   return {};
 }
@@ -75,8 +82,8 @@ Status route_all(const cache::RecordStream<Record>& records, Buffer<Record>& col
 cache::SortKey hit_key(const HitRecord& hit) {
   const uint32_t place = morton16(unit_to_byte(hit.hit.u), unit_to_byte(hit.hit.v));
   const uint32_t event = hit.is_shadow ? shadow_event(hit.path.bounce) : emission_event(hit.path.bounce);
-  return {uint64_t{hit.hit.prim} << 32 | place << 16 | (event & 0xffff),
-          uint64_t{hit.path.sink} << 32 | hit.path.sample};
+  return {uint64_t{hit.hit.prim} << 32 | place << 16,
+          uint64_t{hit.path.sink} << 32 | uint64_t{hit.path.sample} << kMediumBits | (event & ((1u << kMediumBits) - 1))};
 }
 
 HitRecord medium_hit(const cache::TraceRay& ray, const PathRecord& path, float distance) {
@@ -96,80 +103,81 @@ static cache::SortKey key_in(const HitOrder& order, const HitRecord& hit, size_t
   return {uint64_t{ray / order.batch_rays} << 32 | hit.hit.prim, ray};
 }
 
+RouteHitsReport& RouteHitsReport::operator+=(const RouteHitsReport& other) {
+  hit_count += other.hit_count, escaped_count += other.escaped_count, arrived_count += other.arrived_count;
+  occluded_count += other.occluded_count, alpha_shadow_count += other.alpha_shadow_count;
+  medium_count += other.medium_count, parked_count += other.parked_count, absorbed_count += other.absorbed_count;
+  return *this;
+}
+
 Status route_hits(const PathSettings& settings, const TracedPaths& paths, const TracedShadows& shadows,
                   cache::ExternalSort<HitRecord>& hits, Film& film, RouteHitsScratch& scratch, RouteHitsReport& report,
                   const HitOrder& order, PixelCosts* pixel_costs) {
   const bool has_outside_light = shading::has_infinite_light(settings.lights);
-  const auto route_path = [&](size_t i, PathRecord path, RoutedBlock& out) {
+  const auto route_path = [&](size_t i, PathRecord& path, Block& out) {
     const cache::TraceRay& ray = paths.rays[i];
     const cache::TraceHit& hit = paths.hits[i];
     if (hit.flags & cache::kHitWaits) {
-      ++out.parked_count;
+      ++out.report.parked_count;
       return;
     }
     if (pixel_costs != nullptr) pixel_costs->add_ray(path.sink, paths.costs[i]);
     if (!paths.media.empty()) {
       const SegmentResult& medium = paths.media[i];
       if (!is_black(medium.emitted))
-        out.emit(SplatRecord{path.sink, path.sample, emission_event(path.bounce), path.throughput * medium.emitted}, scratch);
+        emit(SplatRecord{path.sink, path.sample, emission_event(path.bounce), path.throughput * medium.emitted}, out);
       path.throughput *= medium.weight;
       if (is_black(path.throughput)) {
-        ++out.absorbed_count;
+        ++out.report.absorbed_count;
         return;
       }
       if (medium.distance < INFINITY) {
-        ++out.medium_count;
+        ++out.report.medium_count;
         const HitRecord record = medium_hit(ray, path, medium.distance);
-        return out.emit(record, key_in(order, record, i), scratch);
+        return emit(record, key_in(order, record, i), out);
       }
     }
     if (hit.prim != PrimId::kNone) {
       const HitRecord record{hit, ray.direction_world, ray.t_max, path, 0};
-      out.emit(record, key_in(order, record, i), scratch);
-    } else if (has_outside_light) {
-      out.emit(escaped_splat(settings, path, ray.direction_world), scratch);
+      emit(record, key_in(order, record, i), out);
+    } else {
+      ++out.report.escaped_count;
+      if (has_outside_light) emit(escaped_splat(settings, path, ray.direction_world), out);
     }
   };
   size_t first_end = 0;  // of the batch
   const auto read_nothing = [](size_t, size_t) -> Status { return {}; };
   const auto read_ends = [&](size_t start, size_t in_batch) -> Status {
     if (shadows.ends == nullptr) return {};
-    scratch.ends.grow(MemoryTag::paths, kBatchRecords);
+    scratch.ends.grow(MemoryTag::paths, RouteHitsScratch::kBatchRecords);
     first_end = start;
     return shadows.ends->read(start, {scratch.ends.data(), in_batch});
   };
-  const auto route_shadow = [&](size_t i, ShadowRecord shadow, RoutedBlock& out) {
+  const auto route_shadow = [&](size_t i, ShadowRecord& shadow, Block& out) {
     const cache::TraceHit& hit = shadows.hits[i];
     if (hit.flags & cache::kHitWaits) {
-      ++out.parked_count;
+      ++out.report.parked_count;
       return;
     }
     if (pixel_costs != nullptr) pixel_costs->add_ray(shadow.sink, shadows.costs[i]);
     if (!shadows.media.empty()) shadow.contribution *= shadows.media[i].weight;
     const shading::LightPlace end = shadows.ends == nullptr ? shading::LightPlace{} : scratch.ends[i - first_end];
     if (hit.flags & cache::kHitOccluded) {
-      ++out.occluded_count;
+      ++out.report.occluded_count;
     } else if (hit.prim != PrimId::kNone) {
-      ++out.alpha_shadow_count;
+      ++out.report.alpha_shadow_count;
       const HitRecord record = shadow_hit(shadows.rays[i], hit, shadow, end);
-      out.emit(record, key_in(order, record, paths.rays.size() + i), scratch);
-    } else if (end.prim != PrimId::kNone) {
+      emit(record, key_in(order, record, paths.rays.size() + i), out);
+    } else if (++out.report.arrived_count; end.prim != PrimId::kNone) {
       const HitRecord record = arrived_hit(shadows.rays[i], shadow, end);
-      out.emit(record, key_in(order, record, paths.rays.size() + i), scratch);
+      emit(record, key_in(order, record, paths.rays.size() + i), out);
     } else {
-      out.emit(SplatRecord{shadow.sink, shadow.sample, shadow_event(shadow.bounce), shadow.contribution}, scratch);
+      emit(SplatRecord{shadow.sink, shadow.sample, shadow_event(shadow.bounce), shadow.contribution}, out);
     }
   };
-  const auto elsewhere = [&report] { return report.hit_count + report.absorbed_count + report.parked_count; };
-  const uint64_t elsewhere_before = elsewhere();
-  SPILLWAY_TRY(route_all(*paths.records, scratch.paths, paths.rays.size(), hits, film, scratch, report, read_nothing,
-                         route_path));
-  report.escaped_count += paths.rays.size() - (elsewhere() - elsewhere_before);
-  const auto stopped = [&report] { return report.occluded_count + report.alpha_shadow_count + report.parked_count; };
-  const uint64_t stopped_before = stopped();
-  SPILLWAY_TRY(route_all(*shadows.records, scratch.shadows, shadows.rays.size(), hits, film, scratch, report, read_ends,
-                         route_shadow));
-  report.arrived_count += shadows.rays.size() - (stopped() - stopped_before);
+  SPILLWAY_TRY(route_all(*paths.records, scratch.paths, paths.rays.size(), hits, film, scratch, read_nothing, route_path));
+  SPILLWAY_TRY(route_all(*shadows.records, scratch.shadows, shadows.rays.size(), hits, film, scratch, read_ends, route_shadow));
+  for (Block& block : scratch.blocks) report += std::exchange(block.report, {});
   return {};
 }
 

@@ -7,10 +7,14 @@
 // path); light from
 //      outside the scene and shadow rays that arrived -> film; those that arrived where emission is looked up -> the
 //      hit sort, at the place on their light.
-// Memory: one batch of records (RouteHitsScratch, tag paths). What does not fit of the hits is spilled by the sort.
-// Order: records are appended in the order of the rays; film adds are integers, so their order does not matter.
+// Memory: a block of rays a thread, and one batch of cold records where these are spilled (tag paths). What does not fit of
+// the hits is spilled by the sort.
+// Order: hits by their keys; film adds are integers, so their order does not matter.
 // Based on: deferred shading sorted by shading context (Eisenacher et al. 2013, section 4).
 
+#include <tbb/enumerable_thread_specific.h>
+
+#include <array>
 #include <cstdint>
 #include <span>
 
@@ -46,20 +50,31 @@ struct RouteHitsReport {
   uint64_t medium_count = 0;    // of the hits
   uint64_t parked_count = 0;    // not traced to their ends yet: passed over
   uint64_t absorbed_count = 0;  // paths that ended in a medium
+
+  RouteHitsReport& operator+=(const RouteHitsReport& other);
 };
 
-// Reused from wave to wave. Blocks of rays write from their own first index on.
+// Reused from wave to wave.
 struct RouteHitsScratch {
   static constexpr size_t kBatchRecords = 1 << 15;
-  Buffer<PathRecord> paths{MemoryTag::paths, kBatchRecords};
-  Buffer<ShadowRecord> shadows{MemoryTag::paths, kBatchRecords};
-  Buffer<HitRecord> hits{MemoryTag::paths, kBatchRecords};
-  Buffer<cache::SortKey> keys{MemoryTag::paths, kBatchRecords};
-  Buffer<SplatRecord> splats{MemoryTag::paths, kBatchRecords};
+  // A thread's block of rays and what it turned into: small enough to stay in the processor's caches.
+  struct Block {
+    static constexpr size_t kRecords = 256;
+    std::array<PathRecord, kRecords> paths;
+    std::array<ShadowRecord, kRecords> shadows;
+    std::array<HitRecord, kRecords> hits;
+    std::array<cache::SortKey, kRecords> keys;
+    std::array<SplatRecord, 2 * kRecords> splats;  // of each what its medium emits, and what it brought
+    size_t hit_count = 0, splat_count = 0;
+    RouteHitsReport report;
+  };
+  tbb::enumerable_thread_specific<Block> blocks;
+  Buffer<PathRecord> paths;    // a batch of spilled ones
+  Buffer<ShadowRecord> shadows;
   Buffer<shading::LightPlace> ends;  // where emission is looked up
 };
 
-// Hits by (prim: material-major, place on the face), then by the ray, which makes keys unique.
+// Hits by (prim: material-major, place on the face), then by the ray and its event, which make keys unique.
 [[nodiscard]] cache::SortKey hit_key(const HitRecord& hit);
 
 // Where a path collides in its medium, at a distance in world units.

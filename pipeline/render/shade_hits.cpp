@@ -23,10 +23,15 @@ constexpr size_t kPrefetch = 8;  // hits ahead, of vertices that lie apart
 
 // What one thread needs to shade a block.
 struct BlockScratch {
+  std::array<HitRecord, kBlockHits> hits;
   std::array<cache::TrianglePlace, kBlockHits> places;
   std::array<ShadingPoint, kBlockHits> points;
   std::array<FacePoint, kBlockHits> face_points;
   std::array<SurfaceQuery, kBlockHits> queries;
+  static constexpr size_t kVertices = 64;
+  std::array<VertexStart, kVertices> starts;
+  std::array<shading::LightQuery, kVertices> light_queries;
+  std::array<shading::LightSample, kVertices> lights;
   std::vector<SplatRecord> splats;
   std::vector<AovRecord> aovs;
   std::array<uint32_t, kBlockHits> lookups;  // by hit, when costs are counted
@@ -66,7 +71,7 @@ class Shader {
   }
 
   // bytes: the attribute block that holds all of these hits; empty: each hit's block is resident.
-  Status shade_batch(std::span<const HitRecord> hits, std::span<const std::byte> bytes, RayColumns<PathRecord>& paths,
+  Status shade_batch(const SortedHits& hits, std::span<const std::byte> bytes, RayColumns<PathRecord>& paths,
                      ShadowColumns& shadows, ShadeHitsReport& report) {
     if (inputs_.stages_face_textures) SPILLWAY_TRY(stage_face_textures(hits, bytes));
     std::array<ShadedBlock, kBatchHits / kBlockHits> blocks;
@@ -91,7 +96,7 @@ class Shader {
 
   // A batch in the order in which its hits arrived: the blocks that hold it are swept to gather it, unless all are in
   // memory.
-  Status shade_arrived(std::span<const HitRecord> hits, RayColumns<PathRecord>& paths, ShadowColumns& shadows,
+  Status shade_arrived(const SortedHits& hits, RayColumns<PathRecord>& paths, ShadowColumns& shadows,
                        ShadeHitsReport& report) {
     const bool resident = attributes_.parts().all_resident();
     if (resident && out_.touched_blocks == nullptr) return shade_batch(hits, {}, paths, shadows, report);
@@ -116,9 +121,9 @@ class Shader {
       gather_apart(hits, std::span(from, end), bytes);
       return {};
     }));
-    gathered_of_ = hits;
+    is_gathered_ = true;
     const Status shaded = shade_batch(hits, {}, paths, shadows, report);
-    gathered_of_ = {};
+    is_gathered_ = false;
     return shaded;
   }
 
@@ -183,8 +188,7 @@ class Shader {
   }
 
   // Some hits of a batch, ascending, that lie in one block.
-  void gather_apart(std::span<const HitRecord> hits, std::span<const uint32_t> which,
-                    std::span<const std::byte> bytes) {
+  void gather_apart(const SortedHits& hits, std::span<const uint32_t> which, std::span<const std::byte> bytes) {
     parallel_blocks(which.size(), kBlockHits, [&](size_t, size_t first, size_t last) {
       cache::TrianglePlace place;
       for (const uint32_t hit : which.subspan(first, last - first)) {
@@ -195,13 +199,15 @@ class Shader {
     });
   }
 
-  void gather(std::span<const HitRecord> hits, std::span<const std::byte> bytes, BlockScratch& scratch) {
-    const bool is_done = !gathered_of_.empty();
-    if (!is_done) find_triangles(hits, bytes, scratch);
+  // The hits of a block, the first of them number `first` of the batch.
+  void gather(const SortedHits& sorted, size_t first, std::span<const std::byte> bytes, BlockScratch& scratch) {
+    sorted.copy_to(scratch.hits.data());
+    const std::span<const HitRecord> hits(scratch.hits.data(), sorted.size());
+    if (!is_gathered_) find_triangles(hits, bytes, scratch);
     for (size_t i = 0; i < hits.size(); ++i) {
       uint32_t mesh = 0;
-      if (is_done) {
-        const GatheredHit& from = gathered_[static_cast<size_t>(&hits[i] - gathered_of_.data())];
+      if (is_gathered_) {
+        const GatheredHit& from = gathered_[first + i];
         scratch.points[i] = from.point, scratch.face_points[i] = from.face, mesh = from.mesh;
         if (from.point.face != nullptr) scratch.points[i].face = &scratch.face_points[i];
       } else {
@@ -213,12 +219,12 @@ class Shader {
   }
 
   // What the batch will ask of face textures, read in the order of the file. Places in media have none, nor attributes.
-  Status stage_face_textures(std::span<const HitRecord> hits, std::span<const std::byte> bytes) {
+  Status stage_face_textures(const SortedHits& hits, std::span<const std::byte> bytes) {
     if (hits.front().hit.prim == kMediumPrim) return {};
     std::array<std::vector<cache::FaceTextureRequest>, kBatchHits / kBlockHits> of_block;
     parallel_blocks(hits.size(), kBlockHits, [&](size_t b, size_t first, size_t last) {
       BlockScratch& scratch = scratches_.local();
-      gather(hits.subspan(first, last - first), bytes, scratch);
+      gather(hits.subspan(first, last - first), first, bytes, scratch);
       for (size_t i = 0; i < last - first; ++i) inputs_.resolver->append_face_requests(scratch.queries[i], of_block[b]);
     });
     std::vector<cache::FaceTextureRequest> requests;
@@ -263,21 +269,43 @@ class Shader {
            medium_beyond(*q.point, q.hit->direction_world * -1.0f) != q.hit->path.medium;
   }
 
-  void shade_one(const SurfaceQuery& q, BlockScratch& scratch, ShadedBlock& out) {
-    if (!inputs_.settings.media.empty() && is_in_other_medium(q)) ++out.other_medium_count;
-    if (!q.stopped) return let_through(q, out);
-    if (q.hit->is_shadow == kShadowArrived) return scratch.splats.push_back(arrived_splat(*q.hit, q.values));
-    if (q.hit->is_shadow) return;
-    const ShadedVertex vertex = shade_vertex(inputs_.settings, *q.hit, *q.point, q.values);
+  // A few at a time, at most BlockScratch::kVertices: their lights are sampled together.
+  void shade_some(std::span<const SurfaceQuery> queries, BlockScratch& scratch, ShadedBlock& out) {
+    size_t asked = 0;
+    for (size_t i = 0; i < queries.size(); ++i) {
+      const SurfaceQuery& q = queries[i];
+      if (!q.stopped || q.hit->is_shadow) continue;
+      VertexStart& start = scratch.starts[i] = begin_vertex(inputs_.settings, *q.hit, *q.point, q.values);
+      if (start.asks_lights) scratch.light_queries[asked++] = start.light_query();
+    }
+    shading::sample_lights(inputs_.settings.lights, std::span(scratch.light_queries).first(asked), scratch.lights);
+    asked = 0;
+    for (size_t i = 0; i < queries.size(); ++i) {
+      const SurfaceQuery& q = queries[i];
+      if (!inputs_.settings.media.empty() && is_in_other_medium(q)) ++out.other_medium_count;
+      if (!q.stopped)
+        let_through(q, out);
+      else if (q.hit->is_shadow == kShadowArrived)
+        scratch.splats.push_back(arrived_splat(*q.hit, q.values));
+      else if (!q.hit->is_shadow)
+        end_one(q, scratch.starts[i], scratch.starts[i].asks_lights ? scratch.lights[asked++] : shading::LightSample{},
+                scratch, out);
+    }
+  }
+
+  void end_one(const SurfaceQuery& q, const VertexStart& start, const shading::LightSample& light,
+               BlockScratch& scratch, ShadedBlock& out) {
+    const ShadedVertex vertex = end_vertex(inputs_.settings, *q.hit, *q.point, q.values, start, light);
     if (vertex.has_splat) scratch.splats.push_back(vertex.splat);
     send_on(vertex, q.hit->path.sample, out);
     if (inputs_.wants_aovs && q.hit->path.bounce == 0) scratch.aovs.push_back(first_hit_aovs(q));
   }
 
-  void shade_media(std::span<const HitRecord> hits, ShadedBlock& out) {
-    for (const HitRecord& hit : hits) send_on(shade_medium(inputs_.settings, hit), hit.path.sample, out);
-    for (size_t i = 0; inputs_.costs != nullptr && i < hits.size(); ++i)
-      inputs_.costs->add(hits[i].path.sink, Cost::scatterings, 1);
+  void shade_media(const SortedHits& hits, ShadedBlock& out) {
+    for (size_t i = 0; i < hits.size(); ++i) {
+      send_on(shade_medium(inputs_.settings, hits[i]), hits[i].path.sample, out);
+      if (inputs_.costs != nullptr) inputs_.costs->add(hits[i].path.sink, Cost::scatterings, 1);
+    }
   }
 
   // After resolve(): what each hit looked up, and the surfaces that were shaded, those of a mesh together.
@@ -292,22 +320,23 @@ class Shader {
     }
   }
 
-  void shade_block(std::span<const HitRecord> hits, std::span<const std::byte> bytes, ShadedBlock& out) {
+  void shade_block(const SortedHits& hits, std::span<const std::byte> bytes, ShadedBlock& out) {
     if (hits.front().hit.prim == kMediumPrim) return shade_media(hits, out);
     BlockScratch& scratch = scratches_.local();
     scratch.splats.clear(), scratch.aovs.clear();
-    gather(hits, bytes, scratch);
+    gather(hits, out.first, bytes, scratch);
     const std::span queries(scratch.queries.data(), hits.size());
     scratch.resolver.evaluator.tally = {};
     if (inputs_.costs != nullptr) {
       scratch.lookups.fill(0);
       for (size_t i = 0; i < hits.size(); ++i)
-        scratch.users[i] = PixelCosts::tile_user(hits_before_ + out.first + i, hits[i].path.sink);
+        scratch.users[i] = PixelCosts::tile_user(hits_before_ + out.first + i, scratch.hits[i].path.sink);
       scratch.resolver.evaluator.tally = {scratch.points.data(), scratch.lookups, scratch.users};
     }
     if (const Status status = inputs_.resolver->resolve(queries, scratch.resolver); !status) return fail(status);
     if (inputs_.costs != nullptr) add_costs(queries, scratch);
-    for (const SurfaceQuery& q : queries) shade_one(q, scratch, out);
+    for (size_t first = 0; first < queries.size(); first += BlockScratch::kVertices)
+      shade_some(queries.subspan(first, std::min(BlockScratch::kVertices, queries.size() - first)), scratch, out);
     film_.add(scratch.splats);
     film_.add_aovs(scratch.aovs);
   }
@@ -322,9 +351,9 @@ class Shader {
   Film& film_;
   ShadeHitsScratch& out_;
   tbb::enumerable_thread_specific<BlockScratch> scratches_;
-  Buffer<GatheredHit> gathered_;            // by hit of
-  std::span<const HitRecord> gathered_of_;  // this batch; none: hits are gathered as they are shaded
-  uint64_t hits_before_ = 0;                // of this wave, in earlier batches
+  Buffer<GatheredHit> gathered_;  // by hit of the batch, where
+  bool is_gathered_ = false;      // else hits are gathered as they are shaded
+  uint64_t hits_before_ = 0;      // of this wave, in earlier batches
   std::mutex failure_mutex_;
   Status failure_;
 };
@@ -352,7 +381,7 @@ Status shade_hits(const ShadeInputs& inputs, cache::ExternalSort<HitRecord>& hit
                   Film& film, RayColumns<PathRecord>& next_paths, ShadowColumns& next_shadows,
                   ShadeHitsScratch& scratch, ShadeHitsReport& report) {
   Shader shader(inputs, attributes, film, scratch);
-  const auto shade_range = [&](std::span<const HitRecord> range, std::span<const std::byte> bytes) -> Status {
+  const auto shade_range = [&](const SortedHits& range, std::span<const std::byte> bytes) -> Status {
     for (size_t first = 0; first < range.size(); first += kBatchHits)
       SPILLWAY_TRY(shader.shade_batch(range.subspan(first, std::min(kBatchHits, range.size() - first)), bytes,
                                       next_paths, next_shadows, report));
@@ -360,10 +389,10 @@ Status shade_hits(const ShadeInputs& inputs, cache::ExternalSort<HitRecord>& hit
   };
   // The blocks of sorted hits follow each other in the file, forwards or backwards.
   const bool descends = inputs.hits_descend;
-  const auto shade_run = [&](std::span<const HitRecord> all) -> Status {
+  const auto shade_run = [&](const SortedHits& all) -> Status {
     const auto [on_surfaces, in_media] = surfaces_and_media(all, descends);
     SPILLWAY_TRY(shade_range(in_media, {}));
-    std::span<const HitRecord> run = on_surfaces;
+    SortedHits run = on_surfaces;
     if (run.empty()) return {};
     const bool resident = attributes.parts().all_resident();
     const std::vector<uint32_t> blocks = resident && scratch.touched_blocks == nullptr
@@ -379,7 +408,7 @@ Status shade_hits(const ShadeInputs& inputs, cache::ExternalSort<HitRecord>& hit
       return shade_range(in_block, bytes);
     });
   };
-  const auto shade_unsorted = [&](std::span<const HitRecord> all) -> Status {
+  const auto shade_unsorted = [&](const SortedHits& all) -> Status {
     const auto [surfaces, in_media] = surfaces_and_media(all, false);
     for (size_t first = 0; first < surfaces.size(); first += kBatchHits)
       SPILLWAY_TRY(shader.shade_arrived(surfaces.subspan(first, std::min(kBatchHits, surfaces.size() - first)),
@@ -387,14 +416,14 @@ Status shade_hits(const ShadeInputs& inputs, cache::ExternalSort<HitRecord>& hit
     return shade_range(in_media, {});
   };
   for (size_t p = 0; p < hits.partition_count(); ++p) {
-    SPILLWAY_ASSIGN(const std::span<const HitRecord> partition, hits.partition(p));
+    SPILLWAY_ASSIGN(const SortedHits partition, hits.partition(p));
     ++report.partition_count;
     if (!inputs.hits_are_sorted) {
       SPILLWAY_TRY(shade_unsorted(partition));
       continue;
     }
     for (auto rest = partition; !rest.empty();) {
-      const auto run = rest.first(run_length(rest, descends));
+      const auto run = inputs.hits_come_in_runs ? rest.first(run_length(rest, descends)) : rest;
       SPILLWAY_TRY(shade_run(run));
       rest = rest.subspan(run.size());
     }

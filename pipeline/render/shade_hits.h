@@ -47,6 +47,7 @@ struct ShadeInputs {
   bool wants_aovs = false;
   PixelCosts* costs = nullptr;        // lookups and scatterings are added; null: nobody asks
   bool hits_are_sorted = true;        // else in the order in which they arrived, those in media last (ablation)
+  bool hits_come_in_runs = false;     // the sorted ones: those of one batch of rays after the other (ablation)
   bool hits_descend = false;          // this wave's sorted hits come from the last to the first
   bool stages_face_textures = false;  // reads their tiles ahead, a batch at a time: some are not in memory
 };

@@ -172,14 +172,11 @@ shading::LightReceiver light_receiver(const PathSettings& settings, const Shadin
 }
 
 void next_event(const PathSettings& settings, const HitRecord& hit, const ShadingPoint& point,
-                const SurfaceValues& surface, const shading::LightReceiver& receiver, const shading::Frame& frame,
-                Float3 w_prev_local, const shading::BouncePoints& points, ShadedVertex& out) {
-  if (!samples_lights(settings) || !shading::has_continuous_lobe(surface.bsdf)) return;
-  const shading::LightSample light = shading::sample_light(
-      settings.lights, receiver, points[shading::kBounceLightSelect], points[shading::kBounceLight]);
+                const SurfaceValues& surface, const VertexStart& start, const shading::LightSample& light,
+                ShadedVertex& out) {
   if (!(light.pdf_solid_angle > 0) || is_black(light.radiance)) return;
   const shading::BsdfValue f =
-      shading::evaluate_bsdf(surface.bsdf, w_prev_local, frame.local_from_world(light.w_next_world));
+      shading::evaluate_bsdf(surface.bsdf, start.w_prev_local, start.frame.local_from_world(light.w_next_world));
   if (is_black(f.f_cos)) return;
   const float weight = weight_at_light(settings, light, f.pdf_solid_angle);
   const Rgb contribution = hit.path.throughput * f.f_cos * light.radiance * (weight / light.pdf_solid_angle);
@@ -219,14 +216,13 @@ void spread_cone(PathRecord& path, float pdf_solid_angle) {
   path.cone_spread = std::max(path.cone_spread, 0.5f / std::sqrt(std::max(1.0f, pdf_solid_angle)));
 }
 
-void next_direction(const PathSettings& settings, const HitRecord& hit, const ShadingPoint& point, const SurfaceValues& surface,
-                    const shading::LightReceiver& receiver, const shading::Frame& frame, Float3 w_prev_local,
-                    const shading::BouncePoints& points, ShadedVertex& out) {
-  const Float2 choose = points[shading::kBounceLobeAndRoulette];
+void next_direction(const PathSettings& settings, const HitRecord& hit, const ShadingPoint& point,
+                    const SurfaceValues& surface, const VertexStart& start, ShadedVertex& out) {
+  const Float2 choose = start.points[shading::kBounceLobeAndRoulette];
   const auto sample_direction =
       settings.estimator == Estimator::hemisphere ? shading::sample_evenly : shading::sample_bsdf;
   const shading::BsdfSample sample =
-      sample_direction(surface.bsdf, w_prev_local, points[shading::kBounceBsdf], choose.x);
+      sample_direction(surface.bsdf, start.w_prev_local, start.points[shading::kBounceBsdf], choose.x);
   if (is_black(sample.weight)) return;
   PathRecord path = hit.path;
   path.bounce += 1;
@@ -234,10 +230,10 @@ void next_direction(const PathSettings& settings, const HitRecord& hit, const Sh
   path.eta_scale *= sample.eta_scale;
   if (!survives_roulette(settings, path, choose.y, surface_cap(path, sample.is_delta))) return;
   path.pdf_previous = sample.is_delta ? 0 : sample.pdf_solid_angle;
-  path.position_previous = receiver.position_world, path.normal_previous = receiver.packed_normal;
+  path.position_previous = start.receiver.position_world, path.normal_previous = start.receiver.packed_normal;
   path.cone_width = point.width_world;
   if (!sample.is_delta) spread_cone(path, sample.pdf_solid_angle);
-  const Float3 w_next = frame.world_from_local(sample.w_next_local);
+  const Float3 w_next = start.frame.world_from_local(sample.w_next_local);
   path.medium = medium_beyond(point, w_next);
   const Float3 origin = shading::ray_origin(point.position, point.normal_geometric, w_next, point.apart_world);
   out.path_ray = {origin, INFINITY, w_next, point.time};
@@ -247,20 +243,39 @@ void next_direction(const PathSettings& settings, const HitRecord& hit, const Sh
 
 }  // namespace
 
-ShadedVertex shade_vertex(const PathSettings& settings, const HitRecord& hit, const ShadingPoint& point,
-                          const SurfaceValues& surface) {
+VertexStart begin_vertex(const PathSettings& settings, const HitRecord& hit, const ShadingPoint& point,
+                         const SurfaceValues& surface) {
+  VertexStart start;
+  if (hit.path.bounce >= settings.max_depth) return start;
+  start.frame = shading::frame_from_z_and_tangent(surface.normal_shading, point.dpdu);
+  start.w_prev_local = start.frame.local_from_world(-hit.direction_world);
+  if (start.w_prev_local.z == 0) return start;
+  start.goes_on = true;
+  start.receiver = light_receiver(settings, point, surface, start.frame, start.w_prev_local);
+  start.points = shading::sample_bounce(sample_key(hit.path, settings.seed, settings.sampler), hit.path.bounce);
+  start.asks_lights = samples_lights(settings) && shading::has_continuous_lobe(surface.bsdf);
+  return start;
+}
+
+ShadedVertex end_vertex(const PathSettings& settings, const HitRecord& hit, const ShadingPoint& point,
+                        const SurfaceValues& surface, const VertexStart& start, const shading::LightSample& light) {
   ShadedVertex out;
   if (surface.light != LightId::kNone) out.has_splat = emission_splat(settings, hit, point, surface, out.splat);
-  if (hit.path.bounce >= settings.max_depth) return out;
-  const shading::Frame frame = shading::frame_from_z_and_tangent(surface.normal_shading, point.dpdu);
-  const Float3 w_prev_local = frame.local_from_world(-hit.direction_world);
-  if (w_prev_local.z == 0) return out;
-  const shading::LightReceiver receiver = light_receiver(settings, point, surface, frame, w_prev_local);
-  const shading::BouncePoints points =
-      shading::sample_bounce(sample_key(hit.path, settings.seed, settings.sampler), hit.path.bounce);
-  next_event(settings, hit, point, surface, receiver, frame, w_prev_local, points, out);
-  next_direction(settings, hit, point, surface, receiver, frame, w_prev_local, points, out);
+  if (!start.goes_on) return out;
+  next_event(settings, hit, point, surface, start, light, out);
+  next_direction(settings, hit, point, surface, start, out);
   return out;
+}
+
+ShadedVertex shade_vertex(const PathSettings& settings, const HitRecord& hit, const ShadingPoint& point,
+                          const SurfaceValues& surface) {
+  const VertexStart start = begin_vertex(settings, hit, point, surface);
+  shading::LightSample light;
+  if (start.asks_lights) {
+    const auto [receiver, u_select, u] = start.light_query();
+    light = shading::sample_light(settings.lights, receiver, u_select, u);
+  }
+  return end_vertex(settings, hit, point, surface, start, light);
 }
 
 namespace {

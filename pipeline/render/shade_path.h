@@ -94,7 +94,26 @@ struct ShadedVertex {
   shading::LightPlace shadow_end;  // where on its light, when emission is looked up there
 };
 
-// Emission met by chance, next-event estimation, and the next direction of the path.
+// What a vertex needs before a light is sampled.
+struct VertexStart {
+  bool goes_on = false;      // else the path ends here
+  bool asks_lights = false;  // light_query() is to be answered; else nothing comes of lights
+  shading::Frame frame;
+  Float3 w_prev_local;
+  shading::LightReceiver receiver;
+  shading::BouncePoints points;
+  [[nodiscard]] shading::LightQuery light_query() const {
+    return {receiver, points[shading::kBounceLightSelect], points[shading::kBounceLight]};
+  }
+};
+[[nodiscard]] VertexStart begin_vertex(const PathSettings& settings, const HitRecord& hit, const ShadingPoint& point,
+                                       const SurfaceValues& surface);
+// light: the answer; of a vertex that does not ask, any sample whose pdf is 0.
+[[nodiscard]] ShadedVertex end_vertex(const PathSettings& settings, const HitRecord& hit, const ShadingPoint& point,
+                                      const SurfaceValues& surface, const VertexStart& start,
+                                      const shading::LightSample& light);
+
+// Both, and the light between: emission met by chance, next-event estimation, and the next direction of the path.
 // Based on: Kajiya 1986; MIS with the power heuristic (Veach 1997, section 9.2); roulette as in pbrt-v4 section 13.4
 // except that survival is capped where light is scattered, so that lossless scenes end.
 [[nodiscard]] ShadedVertex shade_vertex(const PathSettings& settings, const HitRecord& hit, const ShadingPoint& point,

@@ -86,7 +86,7 @@ void WaveTracer::sort(const TraceBatch& rays, WaveReport& report) {
   sort_rays(rays.path_rays, rays.shadow_rays, state_.options.settings.statistics.bounds_world, order_, sort_options(),
             sort_scratch_);
   if (state_.options.sort_rays) report_.sorted_count += order_.size();
-  if (state_.plan.spills) sort_scratch_ = {};
+  if (state_.plan.gives_back) sort_scratch_ = {};
 }
 
 TraceBatch WaveTracer::new_rays(const Wave& wave) {

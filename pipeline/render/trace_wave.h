@@ -46,7 +46,7 @@ class WaveTracer {
   [[nodiscard]] TraceBatch batch(const Wave& wave);  // of all rays, with what was found
   [[nodiscard]] TracedPaths traced_paths(const Wave& wave, std::span<const SegmentResult> media) const;
   [[nodiscard]] TracedShadows traced_shadows(const Wave& wave, std::span<const SegmentResult> media) const;
-  // A spilled wave gives back what it does not need while shading.
+  // What is not needed while shading.
   void give_back() { order_ = {}, path_hits_ = {}, shadow_hits_ = {}, pair_memory_ = {}; }
 
  private:

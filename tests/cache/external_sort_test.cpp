@@ -54,7 +54,10 @@ class ExternalSortTest : public testing::Test {
     for (size_t p = 0; p < sort.partition_count(); ++p) {
       const auto part = sort.partition(p);
       EXPECT_TRUE(part) << part.error().message;
-      if (part) all.insert(all.end(), part->begin(), part->end());
+      if (!part) continue;
+      const size_t before = all.size();
+      all.resize(before + part->size());
+      part->copy_to(all.data() + before);
     }
     return all;
   }

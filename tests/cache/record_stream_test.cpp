@@ -54,6 +54,44 @@ TEST_F(RecordStreamTest, what_went_in_comes_out_for_any_memory_limit_and_any_pie
   }
 }
 
+// The lender takes 16 bytes for every record of 8, as a sort of hits does.
+TEST_F(RecordStreamTest, what_is_read_ahead_stays_until_it_is_asked_for_while_its_memory_is_taken_back) {
+  const auto all = numbers(50000);
+  for (const uint64_t limit : {uint64_t{0}, uint64_t{100} << 10})
+    for (const size_t lent : {size_t{0}, size_t{100} << 10, size_t{400} << 10, 16 * all.size() + (100 << 10)}) {
+      Buffer<std::byte> memory(MemoryTag::hits, lent);
+      auto s = stream(limit);
+      ASSERT_TRUE(s.append(all));
+      ASSERT_TRUE(s.finish());
+      s.read_ahead(memory, 16);
+      size_t taken = 0;
+      for (size_t first = 0; first < all.size(); first += 777) {
+        std::vector<uint64_t> out(std::min<size_t>(777, all.size() - first));
+        ASSERT_TRUE(s.read(first, out));
+        ASSERT_TRUE(std::equal(out.begin(), out.end(), all.begin() + static_cast<ptrdiff_t>(first))) << lent << ' ' << first;
+        const size_t now = std::min(lent, 16 * (first + out.size()));
+        std::fill(memory.begin() + taken, memory.begin() + now, std::byte{0xff});
+        taken = now;
+      }
+    }
+}
+
+TEST_F(RecordStreamTest, damage_met_ahead_is_told_when_the_block_is_asked_for) {
+  Buffer<std::byte> memory(MemoryTag::hits, 1 << 20);  // lent for longer than the stream lives
+  auto s = stream(0);
+  ASSERT_TRUE(s.append(numbers(30000)));
+  ASSERT_TRUE(s.finish());
+  ASSERT_TRUE(test::damage_scratch_file(directory_.path(), 3 * (1 << 14) + 100));
+  s.read_ahead(memory, 8);
+  std::vector<uint64_t> out(s.records_per_block());
+  for (uint64_t block = 0; block < 6; ++block) {
+    const Status status = s.read(block * s.records_per_block(), out);
+    EXPECT_EQ(static_cast<bool>(status), block != 3);
+    const std::string message = status ? "came back damaged" : status.error().message;
+    EXPECT_NE(message.find("came back damaged"), std::string::npos) << message;
+  }
+}
+
 TEST_F(RecordStreamTest, pieces_in_parallel_are_the_same_as_one_after_the_other) {
   const auto all = numbers(30000);
   for (const uint64_t memory : {uint64_t{UINT64_MAX}, uint64_t{64} << 10}) {

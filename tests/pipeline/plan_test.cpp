@@ -54,6 +54,27 @@ TEST(Plan, no_wave_drives_out_what_would_fit_beside_a_smaller_one) {
   }
 }
 
+// Memory that is given back has to be touched again: only where the budget asks for it.
+TEST(Plan, spilled_waves_give_memory_back_only_where_it_is_short) {
+  PlanOptions o = budget(0);
+  o.wave_paths = 1 << 20, o.spill = 1;
+  const auto roomy = plan_render(small_scene(), o);
+  ASSERT_TRUE(roomy);
+  EXPECT_FALSE(roomy->gives_back);
+  bool gave_back = false;
+  for (uint64_t bytes = roomy->memory_bytes - kMiB; bytes > 0; bytes -= 16 * kMiB) {
+    o.memory_bytes = bytes;
+    const auto plan = plan_render(small_scene(), o);
+    if (!plan) break;  // the least
+    EXPECT_LE(plan->memory_bytes, bytes);
+    gave_back = gave_back || plan->gives_back;
+    EXPECT_EQ(plan->gives_back, gave_back) << bytes;
+  }
+  EXPECT_TRUE(gave_back);
+  o.memory_bytes = 0, o.spill = 0;
+  EXPECT_FALSE(plan_render(small_scene(), o)->gives_back);
+}
+
 TEST(Plan, the_budget_holds_and_more_of_it_is_never_slower) {
   double before = INFINITY;
   for (uint64_t bytes = 512 * kMiB; bytes <= 128 * kGiB; bytes *= 2) {

@@ -230,7 +230,7 @@ TEST_F(SameBits, whether_or_not_every_other_wave_shades_its_hits_backwards) {
   EXPECT_EQ(turned.shade.attribute_blocks_touched, straight.shade.attribute_blocks_touched);
   EXPECT_EQ(turned.attributes.bytes_read, straight.attributes.bytes_read);
   o = options();
-  o.plan.wave_paths = 1500, o.plan.spill = 1, o.hit_sort_bytes = 100 << 10;
+  o.plan.wave_paths = 1500, o.plan.spill = 1, o.hit_sort_bytes = 60 << 10;
   o.plan.attribute_bytes = attribute_bytes() / 8;
   const RenderedImage spilled = render(o, 2);
   EXPECT_EQ(spilled.report.image_hash, hash_);

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <cstring>
 #include <vector>
 
 #include "tests/support/random.h"
@@ -138,6 +139,37 @@ TEST(SampleTriangle, degenerate_receivers_get_finite_numbers) {
         ASSERT_TRUE(is_finite(got.point));
         ASSERT_LE(max_abs(got.point), 3);
       }
+}
+
+// Of all sizes, near and far, edge-on, without area, and from a corner.
+std::vector<TriangleQuery> queries_of_all_kinds() {
+  test::Random random(11);
+  std::vector<TriangleQuery> queries;
+  for (int i = 0; i < 20011; ++i) {
+    const float size = std::ldexp(1.0f, static_cast<int>(random.below(24)) - 16);
+    TriangleQuery q{{random.point(1), random.point(size), random.point(size)}, random.point(1), {random(), random()}};
+    if (i % 50 == 1) q.receiver = q.triangle.position + q.triangle.edge1 * 0.25f;
+    if (i % 50 == 2) q.triangle.edge2 = q.triangle.edge1;
+    if (i % 50 == 3) q.receiver = q.triangle.position;
+    if (i % 50 == 4) q.triangle.position.x = 1e30f;
+    queries.push_back(q);
+  }
+  return queries;
+}
+
+TEST(SampleTriangle, several_at_once_have_the_bits_of_each_alone) {
+  const std::vector<TriangleQuery> queries = queries_of_all_kinds();
+  std::vector<TrianglePoint> points(queries.size());
+  sample_triangles(queries, points);
+  size_t by_angle = 0;
+  for (size_t i = 0; i < queries.size(); ++i) {
+    const TriangleQuery& q = queries[i];
+    const TrianglePoint alone = sample_triangle(q.triangle, q.receiver, q.u);
+    ASSERT_EQ(std::memcmp(&alone, &points[i], sizeof alone), 0) << i;
+    by_angle += sampled_solid_angle(q.triangle, q.receiver) > 0 ? 1 : 0;
+  }
+  EXPECT_GT(by_angle, queries.size() / 10);
+  EXPECT_LT(by_angle, queries.size() * 9 / 10);
 }
 
 }  // namespace
