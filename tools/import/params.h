@@ -43,8 +43,8 @@ struct Parameter {
   std::vector<int32_t> integers;  // booleans: 0 or 1
   std::vector<std::string> strings;
   std::shared_ptr<pipeline::SampleStream> stream;  // of a long list of floats, in place of `numbers`
-  ColorSpace color_space = ColorSpace::srgb;  // of rgb
-  bool inherited = false;  // from an Attribute directive: need not be used
+  ColorSpace color_space = ColorSpace::srgb;       // of rgb
+  bool inherited = false;                          // from an Attribute directive: need not be used
   mutable bool used = false;
   mutable std::optional<ParamType> wanted;  // asked for under this name with another type
 
