@@ -13,13 +13,21 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// Samples that were given, x fastest, from lattice point (0, 0, 0) on.
+// Samples that were given, x fastest, from lattice point (0, 0, 0) on; read layer by layer.
 class GivenSamples final : public SampleSource {
  public:
   explicit GivenSamples(const VolumeInput& volume) : volume_(volume) {}
   [[nodiscard]] LatticeBox bounds() const override { return {{0, 0, 0}, volume_.counts}; }
   [[nodiscard]] bool is_half() const override { return false; }
-  Status load(const LatticeBox&) override { return {}; }
+  Status load(const LatticeBox& slab) override {
+    const auto& n = volume_.counts;
+    first_layer_ = std::clamp(slab.lower[2], 0, n[2]);
+    const auto layers = static_cast<size_t>(std::clamp(slab.upper[2], first_layer_, n[2]) - first_layer_);
+    const size_t layer = static_cast<size_t>(n[0]) * n[1] * volume_.channels;
+    slab_.grow(MemoryTag::pack, layers * layer);
+    slab_.set_size(layers * layer);
+    return volume_.stream->read(first_layer_ * layer, slab_);
+  }
   [[nodiscard]] uint32_t channels() const override { return volume_.channels; }
   void copy(const std::array<int32_t, 3>& corner, int32_t side, std::span<float> samples) const override {
     const auto& n = volume_.counts;
@@ -29,13 +37,15 @@ class GivenSamples final : public SampleSource {
         for (int32_t y = corner[1]; y < corner[1] + side; ++y)
           for (int32_t x = corner[0]; x < corner[0] + side; ++x) {
             const bool inside = x >= 0 && y >= 0 && z >= 0 && x < n[0] && y < n[1] && z < n[2];
-            const size_t sample = inside ? (static_cast<size_t>(z) * n[1] + y) * n[0] + x : 0;
-            samples[at++] = inside ? volume_.samples[sample * volume_.channels + c] : 0;
+            const size_t sample = inside ? (static_cast<size_t>(z - first_layer_) * n[1] + y) * n[0] + x : 0;
+            samples[at++] = inside ? slab_[sample * volume_.channels + c] : 0;
           }
   }
 
  private:
   const VolumeInput& volume_;
+  int32_t first_layer_ = 0;
+  Buffer<float> slab_;
 };
 
 Affine3 product(const Affine3& a, const Affine3& b) {
@@ -148,16 +158,16 @@ Status lattice_from_world(const Affine3& world_from_medium, const Affine3& mediu
 
 }  // namespace
 
-Result<uint32_t> SaidMedia::add_volume(const VolumeInput& volume) {
+Result<uint32_t> SaidMedia::add_volume(VolumeInput volume) {
   const auto& n = volume.counts;
   if (volume.file.empty()) {
     const bool possible = n[0] > 0 && n[1] > 0 && n[2] > 0;
     const double count = static_cast<double>(n[0]) * n[1] * n[2] * volume.channels;
-    if (!possible || count != static_cast<double>(volume.samples.size()))
+    if (!possible || count != static_cast<double>(volume.stream->size()))
       return error("{}: {} x {} x {} samples of {}, but {} numbers are given", volume.name, n[0], n[1], n[2],
-                   volume.channels == 1 ? "one" : "three", volume.samples.size());
+                   volume.channels == 1 ? "one" : "three", volume.stream->size());
   }
-  volumes_.push_back(volume);
+  volumes_.push_back(std::move(volume));
   return static_cast<uint32_t>(volumes_.size() - 1);
 }
 

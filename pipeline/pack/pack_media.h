@@ -2,9 +2,10 @@
 
 // The media of a scene: said by the importer, then packed.
 //
-// In:     media, and the volumes they use: grids of .vdb and .nvdb files, or samples in memory.
+// In:     media, and the volumes they use: grids of .vdb and .nvdb files, or streams of samples.
 // Out:    the media's tables; volumes.bricks, the bricks of one volume after the other.
-// Memory: tag pack: a brick, and the samples that were given; files are decoded in child processes, beside the limit.
+// Memory: tag pack: a brick, and a slab of given samples, as high as a brick; files are decoded in child processes,
+//         beside the limit.
 // Order:  volumes as they were added; bytes depend on the samples alone.
 // Fails:  as decode_volume and cut_bricks; a transform that cannot be inverted.
 
@@ -32,7 +33,7 @@ struct PackMediaOptions {
 // What a scene says of its media.
 class SaidMedia {
  public:
-  Result<uint32_t> add_volume(const VolumeInput& volume);
+  Result<uint32_t> add_volume(VolumeInput volume);  // its samples, if given, as a stream
   Result<uint32_t> add_medium(const MediumInput& medium);
   void set_black_bodies(std::span<const Rgb> table) { black_bodies_.assign(table.begin(), table.end()); }
   [[nodiscard]] size_t medium_count() const { return media_.size(); }

@@ -161,10 +161,29 @@ Status ScenePacker::add_image_light(const ImageLightInput& input) {
 
 Result<uint32_t> ScenePacker::add_volume(const VolumeInput& volume) {
   SPILLWAY_TRY(state_);
-  auto added = media_.add_volume(volume);
+  // Given samples lie on scratch from here on: a scene may have many grids.
+  VolumeInput kept{volume.name,     volume.file,  volume.grid, volume.counts, {}, volume.medium_from_lattice,
+                   volume.channels, volume.stream};
+  if (kept.file.empty() && !kept.stream) {
+    SPILLWAY_ASSIGN(const std::shared_ptr<SampleStream> stream, make_sample_stream());
+    SPILLWAY_TRY(failed(stream->append(volume.samples)));
+    SPILLWAY_TRY(failed(stream->finish()));
+    kept.stream = stream;
+  }
+  auto added = media_.add_volume(std::move(kept));
   if (!added) return fail<uint32_t>(added.error());
   if (!volume.file.empty()) add_source_file(volume.file);
   return added;
+}
+
+Result<std::shared_ptr<SampleStream>> ScenePacker::make_sample_stream() {
+  constexpr uint64_t kBytes = 1 << 20;  // held, and of a block
+  return std::make_shared<SampleStream>(cache::StreamOptions{.what = "samples of a volume",
+                                                             .tag = MemoryTag::pack,
+                                                             .purpose = cache::IoPurpose::pack,
+                                                             .memory_limit_bytes = kBytes,
+                                                             .block_bytes = kBytes,
+                                                             .scratch = scratch_.get()});
 }
 
 Result<uint32_t> ScenePacker::add_medium(const MediumInput& medium) {

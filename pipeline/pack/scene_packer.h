@@ -69,6 +69,7 @@ class ScenePacker final : public SceneSink {
   Status add_environment(const shading::Light& light, ImageId image) override;
   Status add_image_light(const ImageLightInput& light) override;
   Result<uint32_t> add_volume(const VolumeInput& volume) override;
+  Result<std::shared_ptr<SampleStream>> make_sample_stream() override;
   Result<uint32_t> add_medium(const MediumInput& medium) override;
   void set_black_bodies(std::span<const Rgb> table) override { media_.set_black_bodies(table); }
   Status add_portal(const shading::Portal& portal) override;

@@ -8,12 +8,14 @@
 #include <array>
 #include <cstdint>
 #include <filesystem>
+#include <memory>
 #include <span>
 #include <string>
 #include <vector>
 
 #include "cache/base/result.h"
 #include "cache/facetex_writer.h"
+#include "cache/record_stream.h"
 #include "pipeline/scene.h"
 
 namespace spillway::pipeline {
@@ -47,6 +49,9 @@ struct MeshInput {
   uint32_t medium_inside = kNoMedium, medium_outside = kNoMedium;  // from add_medium; outside: where the normal points
 };
 
+// Numbers in the order of their coming; finished before they are handed on.
+using SampleStream = cache::RecordStream<float>;
+
 // Samples of a volume: a grid of a file, or given here.
 struct VolumeInput {
   std::string name;                // for messages
@@ -56,6 +61,7 @@ struct VolumeInput {
   std::vector<float> samples;      // x fastest, from lattice point (0, 0, 0) on; channels of a sample together
   Affine3 medium_from_lattice;     // of given samples
   uint32_t channels = 1;           // of given samples; 3: a colour
+  std::shared_ptr<const SampleStream> stream = nullptr;  // given samples, in place of `samples`
 };
 
 struct MediumInput {
@@ -157,6 +163,8 @@ class SceneSink {
   virtual Status add_image_light(const ImageLightInput& light);
   // Sinks that have no use for media refuse them.
   virtual Result<uint32_t> add_volume(const VolumeInput& volume);
+  // For samples too many to be held, which become a VolumeInput's stream. Here: in memory.
+  virtual Result<std::shared_ptr<SampleStream>> make_sample_stream();
   virtual Result<uint32_t> add_medium(const MediumInput& medium);
   virtual void set_black_bodies(std::span<const Rgb> /*table*/) {}  // kBlackBodyEntries; where a medium has a temperature
   // Of the infinite light that was added last, whatever it says of the light itself; one a scene.
@@ -181,6 +189,10 @@ class SceneSink {
 // Sinks that have no use for these refuse them.
 inline Result<uint32_t> SceneSink::add_volume(const VolumeInput& volume) {
   return error("{}: volumes are not possible here", volume.name);
+}
+inline Result<std::shared_ptr<SampleStream>> SceneSink::make_sample_stream() {
+  return std::make_shared<SampleStream>(cache::StreamOptions{
+      .what = "samples of a volume", .tag = MemoryTag::pack, .purpose = cache::IoPurpose::pack});
 }
 inline Result<uint32_t> SceneSink::add_medium(const MediumInput& medium) {
   return error("{}: media are not possible here", medium.name);

@@ -62,6 +62,25 @@ TEST(Failures, a_point_light_in_scattering_gas_seen_beside_it) {
   expect_unbiased(scene, mean_over_square(0.2, 2, value), {.largest_error = 0.01});
 }
 
+// A small lamp in gas that scatters once: the same integral over the lamp, with its cosine. Both strategies find it.
+TEST(Failures, a_lamp_in_scattering_gas_seen_beside_it) {
+  constexpr double kScattered = 0.8, kAll = 1;
+  const FailureScene scene(
+      in_gas(kAll - kScattered, kScattered, 0, view_along({0, 0, 1}, {0, 0, 0}, {0, 1, 0}, 0.2, 1)) +
+      emitter(200, sheet({-0.05, 0.8, -0.05}, {0.1, 0, 0}, {0, 0, 0.1})));
+  scene.expect_same_bits();
+  const auto value = [&](double x, double y) {
+    return integral(0, 30, 60, [&](double t) {
+      return kScattered / (4 * M_PI) * std::exp(-kAll * t) * 0.01 * mean_over_square(0.05, 1, [&](double u, double v) {
+               const double squared = (x - u) * (x - u) + (y - 0.8) * (y - 0.8) + (1 - t - v) * (1 - t - v);
+               const double d = std::sqrt(squared);
+               return 200 * (0.8 - y) / d / squared * std::exp(-kAll * d);
+             });
+    });
+  };
+  expect_unbiased(scene, mean_over_square(0.2, 2, value), {.samples = 256, .largest_error = 0.01});
+}
+
 // Hard: of a hundred paths one collides at all, and of those few inside of the beam.
 TEST(Failures, a_spot_light_in_thin_fog) {
   constexpr double kScattered = 0.01, kDistance = 3;

@@ -2,9 +2,11 @@
 
 #include <algorithm>
 
+#include "cache/base/memory.h"
 #include "pipeline/pack/scene_packer.h"
 #include "shading/noise.h"
 #include "tests/tools/import_text.h"
+#include "tools/import/params.h"
 
 namespace spillway::tools {
 namespace {
@@ -162,7 +164,8 @@ TEST(PbrtMedia, grids_of_colours_that_make_no_sense_are_refused) {
 TEST(PbrtMedia, clouds_are_sampled_where_their_noise_can_be_seen) {
   const std::string cloud = "\"string type\" \"cloud\" ";
   // Without noise a cloud is a ramp in y: twice what is below one half.
-  const Imported ramp = import_medium(cloud + "\"float frequency\" 0 \"float wispiness\" 0 \"float density\" 9 \"rgb sigma_s\" [4 5 6]");
+  const Imported ramp =
+      import_medium(cloud + "\"float frequency\" 0 \"float wispiness\" 0 \"float density\" 9 \"rgb sigma_s\" [4 5 6]");
   ASSERT_EQ(ramp.error, "");
   EXPECT_EQ(ramp.sink.media[0].medium.sigma_s, (Rgb{4, 5, 6}));
   const pipeline::VolumeInput& volume = ramp.sink.volumes.at(0);
@@ -210,6 +213,48 @@ std::string packing_error(const std::string& world) {
   Status status = import_pbrt(scene, **packer, {}, report);
   if (status) status = (*packer)->finish();
   return status ? "" : status.error().message;
+}
+
+// Numbers too many to be held go to a stream of the sink's as they are read; what is said of them stays the same.
+TEST(PbrtMedia, long_lists_of_samples_are_streams) {
+  constexpr int kCount = 300 * 300;
+  static_assert(kCount > static_cast<int>(kHeldNumbers));
+  std::string numbers;
+  for (int i = 0; i < kCount; ++i) numbers += fmt::format("{} ", i % 1000);
+  const std::string grid = "\"string type\" \"uniformgrid\" \"integer nx\" 300 ";
+  const Imported imported =
+      import_medium(grid + "\"float density\" [" + numbers + "] \"integer ny\" 300 \"float Lescale\" [" + numbers +
+                    "] \"rgb Le\" [1 1 1]");
+  ASSERT_EQ(imported.error, "");
+  ASSERT_EQ(imported.sink.volumes.size(), 2u);
+  for (const pipeline::VolumeInput& volume : imported.sink.volumes) {
+    EXPECT_TRUE(volume.samples.empty());
+    ASSERT_TRUE(volume.stream);
+    ASSERT_EQ(volume.stream->size(), size_t{kCount});
+    std::vector<float> samples(kCount);
+    ASSERT_TRUE(volume.stream->read(0, samples));
+    for (int i = 0; i < kCount; ++i) ASSERT_EQ(samples[i], static_cast<float>(i % 1000));
+  }
+  const std::string scale = import_medium(kGrid + "\"float scale\" [" + numbers + "]").error;
+  EXPECT_NE(scale.find("\"float scale\" takes 1 value, not 90000"), std::string::npos) << scale;
+}
+
+// 16 MiB of samples, of which a slab as high as a brick is held at a time (3.2 MiB), and buffers of a MiB.
+TEST(PbrtMedia, given_grids_are_never_held_whole) {
+  const auto held = [](int side) {
+    std::string numbers(2 * static_cast<size_t>(side) * side * side, ' ');
+    for (size_t i = 0; i < numbers.size(); i += 2) numbers[i] = static_cast<char>('1' + i / 2 % 7);
+    memory_reset_peaks();
+    const std::string text = fmt::format(
+        "MakeNamedMedium \"m\" \"string type\" \"uniformgrid\" \"integer nx\" {0} \"integer ny\" {0} "
+        "\"integer nz\" {0} \"float density\" [{1}]",
+        side, numbers);
+    EXPECT_EQ(packing_error(text), "");
+    return memory_use(MemoryTag::pack).peak_bytes + memory_use(MemoryTag::streams).peak_bytes;
+  };
+  const uint64_t little = held(2), large = held(160);
+  EXPECT_LT(large, little + (9 << 20));
+  EXPECT_GT(large, little + 33 * 160 * 160 * sizeof(float));
 }
 
 // What only the samples or both transforms together tell.

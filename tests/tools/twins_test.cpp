@@ -9,6 +9,7 @@
 #include <filesystem>
 #include <fstream>
 
+#include "tests/support/black_body_luminance.h"
 #include "tests/support/small_scene.h"
 #include "tests/tools/rendered.h"
 #include "tools/metrics/statistical_equality.h"
@@ -119,23 +120,6 @@ std::string gas_box(const std::string& medium) {
          "[0 2 1 0 3 2 4 5 6 4 6 7 0 1 5 0 5 4 1 2 6 1 6 5 2 3 7 2 7 6 3 0 4 3 4 7]\n";
 }
 
-// Of radiance one at its brightest wavelength: Planck's law (second constant 1.438777e7 nm K, displacement 2.897772e6
-// nm K) times the luminosity function, both as pbrt has them for glowing gas. The function is Wyman, Sloan and
-// Shirley's fit (2013), within half a per cent here.
-double luminance_of_a_body(double kelvin) {
-  const auto planck = [&](double nm) { return 1 / (std::pow(nm, 5) * std::expm1(1.438777e7 / (nm * kelvin))); };
-  const auto lobe = [](double nm, double peak, double below, double above) {
-    const double t = (nm - peak) * (nm < peak ? below : above);
-    return std::exp(-0.5 * t * t);
-  };
-  double sum = 0, all = 0;
-  for (double nm = 380; nm <= 780; nm += 1) {
-    const double y = 0.821 * lobe(nm, 568.8, 0.0213, 0.0247) + 0.286 * lobe(nm, 530.9, 0.0613, 0.0322);
-    sum += y * planck(nm) / planck(2.897772e6 / kelvin), all += y;
-  }
-  return sum / all;
-}
-
 // Beer's law, and what glows along the way; the rays are up to a thousandth longer than the box is deep.
 TEST(KnownAnswers, gas_that_absorbs_lets_through_what_beers_law_says) {
   expect_mean(gas_box("\"string type\" \"homogeneous\" \"rgb sigma_a\" [0.4 0.4 0.4] \"rgb sigma_s\" [0 0 0]"),
@@ -169,7 +153,7 @@ TEST(KnownAnswers, gas_that_absorbs_lets_through_what_beers_law_says) {
   expect_mean(gas_box(hot + " \"rgb Le\" [2 2 2] \"float Lescale\" [" + shine + "]"),
               std::exp(-1.2) + 3 * (1 - std::exp(-1.2)), 0.004, 2048);
   expect_mean(gas_box(hot + " \"float Lescale\" 5 \"float temperature\" [" + heat + "]"),
-              std::exp(-1.2) + 5 * luminance_of_a_body(2700) * (1 - std::exp(-1.2)), 0.006, 2048);
+              std::exp(-1.2) + 5 * test::luminance_of_a_body(2700) * (1 - std::exp(-1.2)), 0.006, 2048);
 }
 
 // Shadow rays go on behind what lets them through, and end before the lamp as they would have ended without it.

@@ -1,7 +1,10 @@
 #pragma once
 
-// A float grid of a NanoVDB file as a source of samples. Memory: the whole grid, as the format knows no parts.
-// Fails: as open_vdb.
+// A float grid of a NanoVDB file as a source of samples, read slab by slab. The grid must not be compressed.
+//
+// Memory: the grid's inner nodes, and the leaves of one slab. The leaves are read twice where the file has their
+// checksum. Every node's place is checked before it is used.
+// Fails:  as open_vdb.
 
 #include <string>
 

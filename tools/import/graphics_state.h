@@ -28,8 +28,8 @@ struct GraphicsState {
   ColorSpace color_space = ColorSpace::srgb;
   [[nodiscard]] bool moves() const { return !(transform == transform_end); }
   // The parameters that follow, with what Attribute keeps for their kind.
-  Result<ParamList> read_params_of(Tokenizer& tokens, Target target) const {
-    SPILLWAY_ASSIGN(ParamList params, read_params(tokens, color_space));
+  Result<ParamList> read_params_of(Tokenizer& tokens, Target target, pipeline::SceneSink* long_lists = nullptr) const {
+    SPILLWAY_ASSIGN(ParamList params, read_params(tokens, color_space, long_lists));
     attributes.extend(target, params);
     return params;
   }

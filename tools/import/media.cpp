@@ -102,14 +102,20 @@ class MediumReader {
   Result<uint32_t> add_samples(const Place& place, const std::array<int32_t, 3>& counts, std::vector<float> samples,
                                uint32_t channels) {
     SPILLWAY_ASSIGN(const Affine3 medium_from_lattice, lattice_of(params_, counts));
-    const auto added =
-        session_.sink.add_volume({to_string(place), {}, {}, counts, std::move(samples), medium_from_lattice, channels});
+    return add_volume(place, {to_string(place), {}, {}, counts, std::move(samples), medium_from_lattice, channels});
+  }
+
+  Result<uint32_t> add_volume(const Place& place, const VolumeInput& volume) {
+    const auto added = session_.sink.add_volume(volume);
     if (!added) return error_at(place, "{}", added.error().message);
     return *added;
   }
 
   Result<uint32_t> add_given(const Parameter& samples, const std::array<int32_t, 3>& counts) {
-    return add_samples(samples.place, counts, samples.numbers, 1);
+    SPILLWAY_ASSIGN(const Affine3 medium_from_lattice, lattice_of(params_, counts));
+    return add_volume(
+        samples.place,
+        {to_string(samples.place), {}, {}, counts, samples.numbers, medium_from_lattice, 1, samples.stream});
   }
 
   Result<std::array<int32_t, 3>> read_counts() {
@@ -145,7 +151,7 @@ class MediumReader {
     if (is_black(emission)) return {};
     medium.glow = emission, medium.glow_kind = GlowKind::constant;
     if (scale == nullptr) return {};
-    if (scale->numbers.size() == 1) {
+    if (scale->number_count() == 1) {
       medium.glow = medium.glow * scale->numbers[0];
       return {};
     }
@@ -251,10 +257,7 @@ class MediumReader {
 
   Result<uint32_t> add_grid(const std::string& file, const std::string& grid) {
     const std::filesystem::path path = session_.resolved(file);
-    const auto added =
-        session_.sink.add_volume({fmt::format("{}: grid '{}'", path.string(), grid), path, grid, {0, 0, 0}, {}, {}});
-    if (!added) return error_at(name_.place, "{}", added.error().message);
-    return *added;
+    return add_volume(name_.place, {fmt::format("{}: grid '{}'", path.string(), grid), path, grid, {0, 0, 0}, {}, {}});
   }
 
   // Glow, and temperature that glows, are asked for by name: a file may hold some that is not meant to.

@@ -89,7 +89,7 @@ Status add_number(Parameter& parameter, const Token& token) {
 }
 
 Status add_value(Parameter& parameter, const Token& token) {
-  const size_t count = parameter.numbers.size() + parameter.integers.size() + parameter.strings.size();
+  const size_t count = parameter.number_count() + parameter.integers.size() + parameter.strings.size();
   if (count == kMaxValues) return error_at(token.place, "\"{}\" has more than {} values", parameter.name, kMaxValues);
   switch (parameter.type) {
     case ParamType::boolean:
@@ -110,7 +110,17 @@ Status add_value(Parameter& parameter, const Token& token) {
   }
 }
 
-Status read_values(Tokenizer& tokens, Parameter& parameter) {
+// What was read of a long list goes where it is not held.
+Status pass_on(Parameter& parameter, pipeline::SceneSink& sink) {
+  if (!parameter.stream) {
+    SPILLWAY_ASSIGN(parameter.stream, sink.make_sample_stream());
+  }
+  SPILLWAY_TRY(parameter.stream->append(parameter.numbers));
+  parameter.numbers.clear();
+  return {};
+}
+
+Status read_values(Tokenizer& tokens, Parameter& parameter, pipeline::SceneSink* long_lists) {
   SPILLWAY_ASSIGN(Token token, tokens.take());
   if (token.kind == TokenKind::word || token.kind == TokenKind::string) return add_value(parameter, token);
   if (token.kind != TokenKind::open) {
@@ -119,11 +129,16 @@ Status read_values(Tokenizer& tokens, Parameter& parameter) {
   const Place opened = token.place;
   for (;;) {
     SPILLWAY_ASSIGN(token, tokens.take());
-    if (token.kind == TokenKind::close) return {};
+    if (token.kind == TokenKind::close) break;
     if (token.kind == TokenKind::end) return error_at(opened, "[ of \"{}\" is never closed: add a ]", parameter.name);
     if (token.kind == TokenKind::open) return error_at(token.place, "[ inside the values of \"{}\"", parameter.name);
     SPILLWAY_TRY(add_value(parameter, token));
+    if (long_lists != nullptr && parameter.type == ParamType::real && parameter.numbers.size() > kHeldNumbers)
+      SPILLWAY_TRY(pass_on(parameter, *long_lists));
   }
+  if (!parameter.stream) return {};
+  SPILLWAY_TRY(pass_on(parameter, *long_lists));
+  return parameter.stream->finish();
 }
 
 }  // namespace
@@ -204,7 +219,7 @@ Result<Token> read_string_token(Tokenizer& tokens, std::string_view directive) {
   return error_at(token.place, "{} is followed by a string in quotes, not by {}", directive, to_string(token));
 }
 
-Result<ParamList> read_params(Tokenizer& tokens, ColorSpace space) {
+Result<ParamList> read_params(Tokenizer& tokens, ColorSpace space, pipeline::SceneSink* long_lists) {
   ParamList list;
   for (;;) {
     SPILLWAY_ASSIGN(const Token* next, tokens.peek());
@@ -219,7 +234,7 @@ Result<ParamList> read_params(Tokenizer& tokens, ColorSpace space) {
       return error_at(token.place, "parameter \"{}\" is given twice (first at {}): remove one", parameter.name,
                       to_string(other.place));
     }
-    SPILLWAY_TRY(read_values(tokens, parameter));
+    SPILLWAY_TRY(read_values(tokens, parameter, long_lists));
     parameter.color_space = space;
     list.parameters.push_back(std::move(parameter));
   }
@@ -265,7 +280,7 @@ Status check_pairs(const Parameter& spectrum) {
 Result<float> ParamList::real(std::string_view name, float otherwise) const {
   const Parameter* parameter = find(ParamType::real, name);
   if (parameter == nullptr) return otherwise;
-  SPILLWAY_TRY(expect_count(*parameter, parameter->numbers.size(), 1));
+  SPILLWAY_TRY(expect_count(*parameter, parameter->number_count(), 1));
   return parameter->numbers[0];
 }
 

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "cache/base/vec.h"
+#include "pipeline/pack/scene_sink.h"
 #include "tools/import/color_space.h"
 #include "tools/import/session.h"
 #include "tools/import/tokens.h"
@@ -41,10 +42,13 @@ struct Parameter {
   std::vector<float> numbers;
   std::vector<int32_t> integers;  // booleans: 0 or 1
   std::vector<std::string> strings;
-  ColorSpace color_space = ColorSpace::srgb;  // of rgb
-  bool inherited = false;  // from an Attribute directive: need not be used
+  std::shared_ptr<pipeline::SampleStream> stream;  // of a long list of floats, in place of `numbers`
+  ColorSpace color_space = ColorSpace::srgb;       // of rgb
+  bool inherited = false;                          // from an Attribute directive: need not be used
   mutable bool used = false;
   mutable std::optional<ParamType> wanted;  // asked for under this name with another type
+
+  [[nodiscard]] size_t number_count() const { return numbers.size() + (stream ? stream->size() : 0); }
 };
 
 // Of one directive; the format knows none with more than 30.
@@ -72,8 +76,11 @@ class ParamList {
   Status check_all_used(Session& session, std::string_view owner) const;
 };
 
-// The declarations that follow, up to the first token that is not a string. Colours are numbers of the space.
-Result<ParamList> read_params(Tokenizer& tokens, ColorSpace space = ColorSpace::srgb);
+// The declarations that follow, up to the first token that is not a string. Colours are numbers of the space. With a
+// sink, lists of more than kHeldNumbers floats become streams of it as they are read; without, they are held.
+inline constexpr size_t kHeldNumbers = 1 << 16;
+Result<ParamList> read_params(Tokenizer& tokens, ColorSpace space = ColorSpace::srgb,
+                              pipeline::SceneSink* long_lists = nullptr);
 
 // Finite, or an error at the token. What it is for is named in the message.
 Result<double> number(const Token& token);

@@ -8,7 +8,7 @@ namespace spillway::tools {
 
 Status World::named_medium(Tokenizer& tokens, const Token& directive, const GraphicsState& state) {
   SPILLWAY_ASSIGN(const Token name, read_string_token(tokens, directive.text));
-  SPILLWAY_ASSIGN(ParamList params, state.read_params_of(tokens, Target::medium));
+  SPILLWAY_ASSIGN(ParamList params, state.read_params_of(tokens, Target::medium, &session_.sink));
   if (state.moves())
     session_.warn(directive.place, "media do not move: this one stays where it is at the first of TransformTimes");
   return media_.define(name, std::move(params), state.transform);
