@@ -34,8 +34,6 @@ struct BlockHeader {
 
 uint64_t aligned(uint64_t bytes) { return spillway::aligned(bytes, kDirectAlignment); }
 
-}  // namespace
-
 // Blocks on their way from scratch before they are asked for.
 struct Ahead {
   using ReadBlock = std::function<Status(uint64_t index, std::span<std::byte> into)>;
@@ -80,6 +78,8 @@ struct Ahead {
     return *done[index];
   }
 };
+
+}  // namespace
 
 // Records are kept in chunks of one block each. While the limit allows, chunks stay; beyond it, the chunk that is full is
 // handed to a writer thread and a second one is filled meanwhile.

@@ -11,6 +11,8 @@ namespace {
 
 using Block = RouteHitsScratch::Block;
 constexpr size_t kBlockRecords = Block::kRecords;
+// What a sample's number leaves of 32 bits, in a record to the medium, in a key to the event.
+constexpr uint32_t kEventBits = kMediumBits;
 
 void emit(const HitRecord& record, const cache::SortKey& key, Block& out) {
   out.hits[out.hit_count] = record;
@@ -83,7 +85,7 @@ cache::SortKey hit_key(const HitRecord& hit) {
   const uint32_t place = morton16(unit_to_byte(hit.hit.u), unit_to_byte(hit.hit.v));
   const uint32_t event = hit.is_shadow ? shadow_event(hit.path.bounce) : emission_event(hit.path.bounce);
   return {uint64_t{hit.hit.prim} << 32 | place << 16,
-          uint64_t{hit.path.sink} << 32 | uint64_t{hit.path.sample} << kMediumBits | (event & ((1u << kMediumBits) - 1))};
+          uint64_t{hit.path.sink} << 32 | uint64_t{hit.path.sample} << kEventBits | (event & ((1u << kEventBits) - 1))};
 }
 
 HitRecord medium_hit(const cache::TraceRay& ray, const PathRecord& path, float distance) {
