@@ -84,8 +84,8 @@ double in_memory(const shading::EnvironmentMap& map, Samples& s) {
   return ns_of(s.directions.size(), [&] {
     parallel_blocks(s.directions.size(), kBlock, [&](size_t, size_t first, size_t last) {
       for (size_t i = first; i < last; ++i) {
-        s.radiance[i] = shading::environment_radiance(map, s.directions[i]);
-        s.pdf[i] = shading::environment_pdf(map, s.directions[i]);
+        const auto [radiance, pdf] = shading::environment_value(map, s.directions[i]);
+        s.radiance[i] = radiance, s.pdf[i] = pdf;
       }
     });
   });
@@ -102,7 +102,7 @@ double by_tiles(const shading::EnvironmentMap& map, Samples& s, cache::TextureCa
         const Float2 square = shading::equal_area_square(s.directions[i]);
         const auto tile = static_cast<uint64_t>(square.y * tiles) << 16 | static_cast<uint64_t>(square.x * tiles);
         order[i] = (is_sorted ? tile << 32 : 0) | i;
-        s.pdf[i] = shading::environment_pdf(map, s.directions[i]);
+        s.pdf[i] = shading::environment_value(map, s.directions[i]).pdf_solid_angle;
       }
     });
     if (is_sorted) std::sort(order.begin(), order.end());

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "shading/last_at_most.h"
 #include "shading/trigonometry.h"
 
 namespace spillway::shading {
@@ -24,28 +25,23 @@ void accumulate(std::span<float> cdf, const auto& weight) {
 
 double weight_of(Rgb texel) { return std::max(0.0f, luminance(texel)); }
 
-struct Texel {
-  uint32_t x, y;
-};
-Texel texel_at(const EnvironmentMap& map, Float3 w) {
-  const Float2 square = equal_area_square(w);
-  const auto index = [&](float s) {
-    return std::min(static_cast<uint32_t>(s * static_cast<float>(map.size)), map.size - 1);
-  };
-  return {index(square.x), index(square.y)};
-}
-
-std::span<const float> row_of(const EnvironmentMap& map, uint32_t y) {
-  return map.texel_cdf.subspan(size_t{y} * (map.size + 1), map.size + 1);
-}
-
 // The place of u in a distribution, in items: which one, and how far through it.
 float invert(std::span<const float> cdf, float u) {
-  const auto after = std::upper_bound(cdf.begin() + 1, cdf.end() - 1, u);
-  const auto i = after - cdf.begin() - 1;
-  const float width = cdf[static_cast<size_t>(i) + 1] - cdf[static_cast<size_t>(i)];
-  const float inside = width > 0 ? (u - cdf[static_cast<size_t>(i)]) / width : 0.5f;
+  const size_t i = last_at_most(cdf.first(cdf.size() - 1), u);
+  const float width = cdf[i + 1] - cdf[i];
+  const float inside = width > 0 ? (u - cdf[i]) / width : 0.5f;
   return static_cast<float>(i) + std::min(inside, 0x1.fffffep-1f);
+}
+
+// The angle in [0, pi/4] whose tangent is t, in quarter turns: off by less than 1e-7. A minimax polynomial of t^1 to
+// t^15.
+float quarter_turns_of_tangent(float t) {
+  const float s = t * t;
+  return t * (0.636619329f +
+              s * (-0.212184489f +
+                   s * (0.126983777f +
+                        s * (-0.0885450840f +
+                             s * (0.0613841303f + s * (-0.0355948843f + s * (0.0139183858f + s * -0.00258121639f)))))));
 }
 
 }  // namespace
@@ -66,18 +62,17 @@ Float3 equal_area_direction(Float2 square) {
   const float up = std::fabs(u), vp = std::fabs(v);
   const float signed_distance = 1 - (up + vp);
   const float r = 1 - std::fabs(signed_distance);
-  const float eighth = r == 0 ? 1 : (vp - up) / r + 1;  // of a quarter turn, two of them
-  const SinCos phi = sin_cos_turn(eighth / 8);
-  const float planar = r * std::sqrt(std::max(0.0f, 2 - r * r));
-  return {std::copysign(phi.cos * planar, u), std::copysign(phi.sin * planar, v),
-          std::copysign(1 - r * r, signed_distance)};
+  const SinCos from_middle = small_sin_cos(r == 0 ? 0 : (vp - up) / r * (kPi / 4));  // of the quarter turn
+  const float planar = r * std::sqrt(std::max(0.0f, 1 - r * r / 2));  // by sqrt(1/2), of which the middle's cosine is
+  return {std::copysign((from_middle.cos - from_middle.sin) * planar, u),
+          std::copysign((from_middle.cos + from_middle.sin) * planar, v), std::copysign(1 - r * r, signed_distance)};
 }
 
 Float2 equal_area_square(Float3 w) {
   const float x = std::fabs(w.x), y = std::fabs(w.y), z = std::fabs(w.z);
   const float r = std::sqrt(std::max(0.0f, 1 - z));
   const float larger = std::max(x, y), smaller = std::min(x, y);
-  float phi = larger == 0 ? 0 : atan_of_ratio(smaller, larger) * (2 / kPi);  // of a quarter turn
+  float phi = larger == 0 ? 0 : quarter_turns_of_tangent(smaller / larger);
   if (x < y) phi = 1 - phi;
   float v = phi * r, u = r - v;
   if (w.z < 0) {
@@ -87,23 +82,11 @@ Float2 equal_area_square(Float3 w) {
   return {(std::copysign(u, w.x) + 1) / 2, (std::copysign(v, w.y) + 1) / 2};
 }
 
-Rgb environment_radiance(const EnvironmentMap& map, Float3 w) {
-  const Texel at = texel_at(map, w);
-  return map.texels[size_t{at.y} * map.size + at.x];
-}
-
 Float3 sample_environment(const EnvironmentMap& map, Float2 u) {
   const float y = invert(map.row_cdf, u.y);
-  const float x = invert(row_of(map, static_cast<uint32_t>(y)), u.x);
+  const float x = invert(map.row(static_cast<uint32_t>(y)), u.x);
   const float scale = 1 / static_cast<float>(map.size);
   return equal_area_direction({x * scale, y * scale});
-}
-
-float environment_pdf(const EnvironmentMap& map, Float3 w) {
-  const Texel at = texel_at(map, w);
-  const std::span<const float> row = row_of(map, at.y);
-  const auto size = static_cast<float>(map.size);
-  return (map.row_cdf[at.y + 1] - map.row_cdf[at.y]) * (row[at.x + 1] - row[at.x]) * (size * size * (0.25f / kPi));
 }
 
 }  // namespace spillway::shading

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "shading/frame.h"
+#include "shading/last_at_most.h"
 #include "shading/smoothstep.h"
 #include "shading/trigonometry.h"
 
@@ -117,11 +118,18 @@ Float3 direction_of_infinite(const LightTable& table, size_t i, Float3 from, Flo
   return light.image ? direction_of_image(table, light, u) : uniform_direction(u);
 }
 
-float pdf_of_infinite(const LightTable& table, size_t i, Float3 from, Float3 w) {
+EnvironmentValue value_of_infinite(const LightTable& table, size_t i, Float3 from, Float3 w) {
   const Light& light = table.lights[i];
-  const float pdf = light.image ? environment_pdf(table.environment, to_light_frame(light, w)) : 0.25f / kPi;
-  const Portal* portal = portal_of(table, i);
-  return portal == nullptr ? pdf : 0.5f * pdf + 0.5f * portal_pdf_solid_angle(*portal, from, w);
+  EnvironmentValue value{light.radiance, 0.25f / kPi};
+  if (light.image) {
+    value = environment_value(table.environment, to_light_frame(light, w));
+    value.radiance = light.radiance * value.radiance;
+  }
+  if (const Portal* portal = portal_of(table, i)) {
+    if (!looks_through(*portal, from, w)) value.radiance = {0, 0, 0};
+    value.pdf_solid_angle = 0.5f * value.pdf_solid_angle + 0.5f * portal_pdf_solid_angle(*portal, from, w);
+  }
+  return value;
 }
 
 // A direction from one of them, weighed by all.
@@ -129,8 +137,8 @@ LightSample sample_infinite(const LightTable& table, size_t i, Float3 from, Floa
   LightSample sample;
   sample.distance = INFINITY;
   sample.w_next_world = direction_of_infinite(table, i, from, u);
-  sample.radiance = infinite_radiance(table, from, sample.w_next_world);
-  sample.pdf_solid_angle = infinite_pdf_solid_angle(table, from, sample.w_next_world);
+  const EnvironmentValue value = infinite_value(table, from, sample.w_next_world);
+  sample.radiance = value.radiance, sample.pdf_solid_angle = value.pdf_solid_angle;
   return sample;
 }
 
@@ -164,8 +172,7 @@ namespace {
 
 LightPick choose_light(const LightTable& table, const LightReceiver& receiver, Float2 u_select) {
   if (table.empty()) return {};
-  const auto after = std::upper_bound(table.cdf.begin() + 1, table.cdf.end() - 1, u_select.x);
-  const auto choice = static_cast<size_t>(after - table.cdf.begin()) - 1;
+  const size_t choice = last_at_most(table.cdf.first(table.cdf.size() - 1), u_select.x);
   const float chance = pmf(table, choice);
   LightPick pick{LightChild::light, static_cast<uint32_t>(choice - first_light(table)), 0, chance};
   if (choice < first_light(table)) {
@@ -266,22 +273,13 @@ float emitter_pdf_solid_angle(const LightTable& table, const LightReceiver& rece
 
 bool has_infinite_light(const LightTable& table) { return table.first_infinite < table.lights.size(); }
 
-Rgb infinite_radiance(const LightTable& table, Float3 from_world, Float3 w_world) {
-  Rgb sum{0, 0, 0};
+EnvironmentValue infinite_value(const LightTable& table, Float3 from_world, Float3 w_world) {
+  EnvironmentValue sum{{0, 0, 0}, 0};
   for (size_t i = table.first_infinite; i < table.lights.size(); ++i) {
-    const Light& light = table.lights[i];
-    const Portal* portal = portal_of(table, i);
-    if (portal != nullptr && !looks_through(*portal, from_world, w_world)) continue;
-    sum += light.image ? light.radiance * environment_radiance(table.environment, to_light_frame(light, w_world))
-                       : light.radiance;
+    const EnvironmentValue value = value_of_infinite(table, i, from_world, w_world);
+    sum.radiance += value.radiance;
+    sum.pdf_solid_angle += pmf(table, first_light(table) + i) * value.pdf_solid_angle;
   }
-  return sum;
-}
-
-float infinite_pdf_solid_angle(const LightTable& table, Float3 from_world, Float3 w_world) {
-  float sum = 0;
-  for (size_t i = table.first_infinite; i < table.lights.size(); ++i)
-    sum += pmf(table, first_light(table) + i) * pdf_of_infinite(table, i, from_world, w_world);
   return sum;
 }
 

@@ -122,9 +122,9 @@ void sample_lights(const LightTable& table, std::span<const LightQuery> queries,
                                             uint32_t emitter, const TriangleShape& shape_world, Float3 point_world);
 
 [[nodiscard]] bool has_infinite_light(const LightTable& table);
-// Sum over the infinite lights, as seen from a place: a portal hides what is beside it.
-[[nodiscard]] Rgb infinite_radiance(const LightTable& table, Float3 from_world, Float3 w_world);
-[[nodiscard]] float infinite_pdf_solid_angle(const LightTable& table, Float3 from_world, Float3 w_world);
+// Sum over the infinite lights, as seen from a place: a portal hides what is beside it. The density is that of sampling
+// any of them, the choice of the light included.
+[[nodiscard]] EnvironmentValue infinite_value(const LightTable& table, Float3 from_world, Float3 w_world);
 
 // Veach's power heuristic, exponent 2, for one sample of each strategy.
 [[nodiscard]] inline float power_heuristic(float pdf, float other_pdf) {

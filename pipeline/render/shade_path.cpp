@@ -333,12 +333,9 @@ void set_media(const Mesh& mesh, uint32_t medium_of_ray, ShadingPoint& point) {
 }
 
 SplatRecord escaped_splat(const PathSettings& settings, const PathRecord& path, Float3 direction_world) {
-  const Rgb radiance = shading::infinite_radiance(settings.lights, path.position_previous, direction_world);
-  float weight = 1;
-  if (path.pdf_previous > 0)
-    weight = weight_by_chance(
-        settings, path.pdf_previous,
-        shading::infinite_pdf_solid_angle(settings.lights, path.position_previous, direction_world));
+  const auto [radiance, pdf_by_light] =
+      shading::infinite_value(settings.lights, path.position_previous, direction_world);
+  const float weight = path.pdf_previous > 0 ? weight_by_chance(settings, path.pdf_previous, pdf_by_light) : 1;
   return {path.sink, path.sample, emission_event(path.bounce), path.throughput * radiance * weight};
 }
 

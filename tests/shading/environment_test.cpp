@@ -79,9 +79,9 @@ TEST(Environment, texels_are_sampled_as_their_pdf_says_and_by_their_light) {
   double energy = 0;
   for (int i = 0; i < kSamples; ++i) {
     const Float3 w = sample_environment(test.map, {u(), u()});
-    const float pdf = environment_pdf(test.map, w);
+    const float pdf = environment_value(test.map, w).pdf_solid_angle;
     ASSERT_GT(pdf, 0);
-    energy += environment_radiance(test.map, w).r / pdf;
+    energy += environment_value(test.map, w).radiance.r / pdf;
     const Float2 square = equal_area_square(w);
     ++seen[static_cast<size_t>(static_cast<int>(square.y * 16) * 16 + static_cast<int>(square.x * 16))];
   }
@@ -107,7 +107,7 @@ TEST(Environment, a_dark_map_is_sampled_evenly) {
   std::vector<float> rows(5), cells(20);
   build_environment_cdfs(4, texels, rows, cells);
   const EnvironmentMap map{4, texels, rows, cells};
-  EXPECT_NEAR(environment_pdf(map, {0, 0, 1}), 1 / (4 * M_PI), 1e-6);
+  EXPECT_NEAR(environment_value(map, {0, 0, 1}).pdf_solid_angle, 1 / (4 * M_PI), 1e-6);
   EXPECT_EQ(rows[4], 1);
 }
 
@@ -124,15 +124,16 @@ TEST(Environment, an_image_in_the_light_table_is_turned_and_weighed) {
   const std::vector<float> cdf{0, 0.25f, 1};
   LightTable table;
   table.lights = lights, table.cdf = cdf, table.first_infinite = 0, table.environment = test.map;
-  EXPECT_EQ(infinite_radiance(table, {0, 0, 0}, {1, 0, 0}).r, 0.1f + 2 * environment_radiance(test.map, {0, 0, 1}).r);
+  EXPECT_EQ(infinite_value(table, {0, 0, 0}, {1, 0, 0}).radiance.r,
+            0.1f + 2 * environment_value(test.map, {0, 0, 1}).radiance.r);
   test::Random u(5);
   double sum = 0;
   constexpr int kSamples = 400000;
   for (int i = 0; i < kSamples; ++i) {
     const float select = u();
     const LightSample s = sample_light(table, {{0, 0, 0}}, {select, 0}, {u(), u()});
-    ASSERT_EQ(s.pdf_solid_angle, infinite_pdf_solid_angle(table, {0, 0, 0}, s.w_next_world));
-    ASSERT_EQ(s.radiance.g, infinite_radiance(table, {0, 0, 0}, s.w_next_world).g);
+    ASSERT_EQ(s.pdf_solid_angle, infinite_value(table, {0, 0, 0}, s.w_next_world).pdf_solid_angle);
+    ASSERT_EQ(s.radiance.g, infinite_value(table, {0, 0, 0}, s.w_next_world).radiance.g);
     ASSERT_NEAR(length(s.w_next_world), 1, 1e-5);
     sum += s.radiance.g / s.pdf_solid_angle;
   }

@@ -76,9 +76,9 @@ struct Skies {
 
 TEST(Portal, hides_its_light_beside_it_and_no_other) {
   const Skies skies;
-  EXPECT_FLOAT_EQ(infinite_radiance(skies.table(), {0, 0, 0}, {0, 0, 1}).g, 2.1f);
-  EXPECT_FLOAT_EQ(infinite_radiance(skies.table(), {0, 0, 0}, {1, 0, 0}).g, 0.1f);
-  EXPECT_FLOAT_EQ(infinite_radiance(skies.table(), {9, 0, 0}, {0, 0, 1}).g, 0.1f);
+  EXPECT_FLOAT_EQ(infinite_value(skies.table(), {0, 0, 0}, {0, 0, 1}).radiance.g, 2.1f);
+  EXPECT_FLOAT_EQ(infinite_value(skies.table(), {0, 0, 0}, {1, 0, 0}).radiance.g, 0.1f);
+  EXPECT_FLOAT_EQ(infinite_value(skies.table(), {9, 0, 0}, {0, 0, 1}).radiance.g, 0.1f);
 }
 
 // Sampling by itself, chance by itself, and both together: the irradiance that is known in closed form.
@@ -90,16 +90,16 @@ TEST(Portal, every_strategy_brings_the_same_light) {
   for (int i = 0; i < kSamples; ++i) {
     const float select = u(), x = u();
     const LightSample s = sample_light(skies.table(), {{0, 0, 0}, 0}, {select, 0.5f}, {x, u()});
-    ASSERT_EQ(s.pdf_solid_angle, infinite_pdf_solid_angle(skies.table(), {0, 0, 0}, s.w_next_world));
-    ASSERT_EQ(s.radiance.g, infinite_radiance(skies.table(), {0, 0, 0}, s.w_next_world).g);
+    ASSERT_EQ(s.pdf_solid_angle, infinite_value(skies.table(), {0, 0, 0}, s.w_next_world).pdf_solid_angle);
+    ASSERT_EQ(s.radiance.g, infinite_value(skies.table(), {0, 0, 0}, s.w_next_world).radiance.g);
     const auto cosine_pdf = [](Float3 w) { return std::max(0.0f, w.z) / static_cast<float>(M_PI); };
     const double direct = s.radiance.g * std::max(0.0f, s.w_next_world.z) / s.pdf_solid_angle;
     sampled += direct, both += direct * power_heuristic(s.pdf_solid_angle, cosine_pdf(s.w_next_world));
     const float z = std::sqrt(u()), phi = static_cast<float>(2 * M_PI) * u(), r = std::sqrt(1 - z * z);
     const Float3 w{r * std::cos(phi), r * std::sin(phi), z};
-    const double chance = M_PI * infinite_radiance(skies.table(), {0, 0, 0}, w).g;
+    const double chance = M_PI * infinite_value(skies.table(), {0, 0, 0}, w).radiance.g;
     met += chance;
-    both += chance * power_heuristic(cosine_pdf(w), infinite_pdf_solid_angle(skies.table(), {0, 0, 0}, w));
+    both += chance * power_heuristic(cosine_pdf(w), infinite_value(skies.table(), {0, 0, 0}, w).pdf_solid_angle);
   }
   // Four times the form factor of a rectangle at its corner (Howell, configuration B-3), sides 1 by 1 at distance 2.
   const double a = 0.5, root = std::sqrt(1 + a * a), corner = 2 * a / root * std::atan(a / root) / (2 * M_PI);
