@@ -459,6 +459,27 @@ size_t pages_met(const PageTree& tree, const ResidentPages& pages, uint32_t firs
   return count;
 }
 
+size_t keep_visits_ahead(const PageTree& tree, const ResidentPages& pages, TraceMode mode, const TraceRay& ray,
+                         const TraceHit& hit, std::span<PageVisit> visits) {
+  const float t_far = mode == TraceMode::nearest ? hit.t : ray.t_max;
+  KernelRay local = world_ray(tree, ray);
+  uint32_t space = 0;
+  size_t kept = 0;
+  uint64_t nodes = 0;
+  for (const PageVisit visit : visits) {
+    const TracePageView& page = pages.view(visit.page);
+    // Where nothing is known of a page's own tree, those above it have to be asked.
+    if (page.nodes == nullptr)
+      return pages_met(tree, pages, 0, UINT32_MAX, mode, ray, hit, visits.data(), visits.size());
+    if (visit.instance != space) {
+      space = visit.instance;
+      local = space == 0 ? world_ray(tree, ray) : object_ray(tree, tree.instances[space], ray);
+    }
+    if (may_meet(page, local, t_far, nodes)) visits[kept++] = visit;
+  }
+  return kept;
+}
+
 template void trace_page<TraceMode::nearest>(const TracePageView&, uint32_t, const PageTree&, const TraceRay&, TraceHit&,
                                              TraceCounters&);
 template void trace_page<TraceMode::occlusion>(const TracePageView&, uint32_t, const PageTree&, const TraceRay&,

@@ -4,9 +4,9 @@
 //
 // Returns the exact nearest hit whatever the order of pages and the shape of the trees: watertight triangle test on the
 // stored vertices (Woop, Benthin, Wald 2013) whose (t, u, v) depends on ray and triangle alone; boxes rounded outwards
-// at build time and padded by a margin a ray (some roundings of max(|origin|, scene extent)); a box is skipped only when
-// its entry is greater than the nearest hit; equal t goes to the smaller (instance, prim).
-// Threads: pure functions of their arguments. Memory: a fixed stack.
+// at build time and padded by a margin a ray (some roundings of max(|origin|, scene extent)); a box is skipped only
+// when its entry is greater than the nearest hit; equal t goes to the smaller (instance, prim). Threads: pure functions
+// of their arguments. Memory: a fixed stack.
 
 #include <cstdint>
 
@@ -63,5 +63,10 @@ void trace_resident(const PageTree& tree, const ResidentPages& pages, const Trac
 // front to back inside each tree.
 size_t pages_met(const PageTree& tree, const ResidentPages& pages, uint32_t first_page, uint32_t last_page,
                  TraceMode mode, const TraceRay& ray, const TraceHit& hit, PageVisit* visits, size_t capacity);
+
+// Of visits that were due, moves those to the front that pages_met() names for what is now the hit, and returns how
+// many they are: one look into each page's own tree. One that another box alone excludes, by its rounding, may remain.
+size_t keep_visits_ahead(const PageTree& tree, const ResidentPages& pages, TraceMode mode, const TraceRay& ray,
+                         const TraceHit& hit, std::span<PageVisit> visits);
 
 }  // namespace spillway::cache

@@ -274,14 +274,13 @@ bool PageSweep::mark_late_rays() {
 void PageSweep::park_late_rays() {
   std::atomic<uint64_t> parked = 0;
   parallel_blocks(chunk_count_, 1, [&](size_t chunk, size_t, size_t) {
-    VisitList visits;
     uint64_t count = 0;
     for (uint32_t page = 0; page < page_count_; ++page) {
       if (page_is_late_[page] == 0) continue;
       pool_->for_each_piece(cell(chunk, page), [&](std::span<const Pair> pairs) {
         for (const auto& [ray, instance] : pairs) {
           if (rays_.is_occluded(ray) || rays_.waits(ray)) continue;
-          if (rays_.has_hit(ray) && rays_.pages_ahead(ray, page, page + 1, visits).empty()) continue;
+          if (rays_.has_hit(ray) && !rays_.is_ahead(ray, {page, instance})) continue;
           rays_.mark_waiting(ray), ++count;
         }
       });

@@ -36,7 +36,8 @@ std::span<const PageVisit> WaveRays::trace_first(uint32_t ray, VisitList& visits
   note_cost(ray, before, work, 0);
   keep_hit(ray, hit);
   // What was due before the hit may lie behind it.
-  if (!due.empty() && is_path(ray) && hit.prim != PrimId::kNone) due = pages_ahead(ray, 0, page_count(), visits);
+  if (is_path(ray) && hit.prim != PrimId::kNone && !due.empty())
+    due = visits.still_due(tree_, known(), TraceMode::nearest, ray_at(ray), hit, due.size());
   return due;
 }
 
@@ -52,6 +53,10 @@ void WaveRays::trace_page(const TracePageView& view, uint32_t instance, uint32_t
 
 std::span<const PageVisit> WaveRays::pages_ahead(uint32_t ray, uint32_t first, uint32_t last, VisitList& visits) const {
   return visits.met(tree_, known(), first, last, mode_of(ray), ray_at(ray), hit_at(ray));
+}
+
+bool WaveRays::is_ahead(uint32_t ray, PageVisit visit) const {
+  return cache::keep_visits_ahead(tree_, known(), mode_of(ray), ray_at(ray), hit_at(ray), {&visit, 1}) != 0;
 }
 
 std::span<const PageVisit> WaveRays::pages_before_hit(uint32_t ray, const cache::ResidentPages& none,

@@ -34,6 +34,13 @@ class VisitList {
     if (due.count > visits_.size()) return met(tree, resident, 0, UINT32_MAX, mode, ray, hit);
     return {visits_.data(), due.count};
   }
+  // Of the first `count` that were due.
+  std::span<const cache::PageVisit> still_due(const cache::PageTree& tree, cache::ResidentPages resident,
+                                              cache::TraceMode mode, const cache::TraceRay& ray,
+                                              const cache::TraceHit& hit, size_t count) {
+    const auto due = std::span(visits_).first(count);
+    return due.first(cache::keep_visits_ahead(tree, resident, mode, ray, hit, due));
+  }
   std::span<const cache::PageVisit> met(const cache::PageTree& tree, cache::ResidentPages resident, uint32_t first,
                                         uint32_t last, cache::TraceMode mode, const cache::TraceRay& ray,
                                         const cache::TraceHit& hit) {
@@ -83,6 +90,8 @@ class WaveRays {
   void trace_page(const cache::TracePageView& view, uint32_t instance, uint32_t ray, cache::TraceCounters& work) const;
   // The pages in [first, last) that the ray must still visit after trace_first().
   std::span<const cache::PageVisit> pages_ahead(uint32_t ray, uint32_t first, uint32_t last, VisitList& visits) const;
+  // Whether a visit that was due still is.
+  bool is_ahead(uint32_t ray, cache::PageVisit visit) const;
   // Those it meets before its hit, or before its light when it was occluded. `none`: views of no page.
   std::span<const cache::PageVisit> pages_before_hit(uint32_t ray, const cache::ResidentPages& none,
                                                      VisitList& visits) const;

@@ -449,19 +449,28 @@ TEST(TraceRays, a_page_is_read_only_when_a_ray_still_needs_it) {
   // Recomputed: what the resident pages leave open is met by the rays they leave open.
   std::set<uint32_t> needed;
   cache::TraceCounters work;
-  std::vector<cache::PageVisit> visits(10000);
+  std::vector<cache::PageVisit> visits(10000), due_visits(10000);
+  const auto same_visit = [](const cache::PageVisit& a, const cache::PageVisit& b) {
+    return a.page == b.page && a.instance == b.instance;
+  };
+  size_t left_behind = 0;
   const auto meet = [&]<TraceMode mode>(const TraceRay& ray) {
     TraceHit hit = cache::no_hit(ray);
-    cache::DueVisits due;
+    cache::DueVisits due{due_visits.data(), due_visits.size()};
     cache::trace_resident<mode>(scene.tree(), run.views.resident(), ray, hit, work, due);
     if ((hit.flags & cache::kHitOccluded) != 0) return;
     const auto pages = static_cast<uint32_t>(scene.parts.size());
     const size_t count = cache::pages_met(scene.tree(), run.views.resident(), 0, pages, mode, ray, hit, visits.data(),
                                           visits.size());
     for (size_t i = 0; i < count; ++i) needed.insert(visits[i].page);
+    const size_t kept = cache::keep_visits_ahead(scene.tree(), run.views.resident(), mode, ray, hit,
+                                                 {due_visits.data(), due.count});
+    EXPECT_TRUE(std::ranges::equal(std::span(visits).first(count), std::span(due_visits).first(kept), same_visit));
+    left_behind += due.count - kept;
   };
   for (const TraceRay& ray : rays.paths) meet.template operator()<TraceMode::nearest>(ray);
   for (const TraceRay& ray : rays.shadows) meet.template operator()<TraceMode::occlusion>(ray);
+  EXPECT_GT(left_behind, 0u);
   run.trace(rays);
   std::set<uint32_t> read;
   for (const auto& [page, was_read] : run.log) read.insert(page);
