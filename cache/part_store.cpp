@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <chrono>
 #include <condition_variable>
+#include <deque>
 #include <mutex>
 #include <optional>
 #include <thread>
@@ -60,9 +61,12 @@ struct Read {
   std::string failure;
 };
 
+enum class Early : uint8_t { no, begun, asked_for };
+
 struct Slot {
   Buffer<std::byte> memory;  // empty: not resident
   bool seen = false;         // read before
+  Early early = Early::no;   // its read began before the sweep, which names it
 };
 
 std::vector<uint64_t> sizes_of(std::span<const Part> parts) {
@@ -75,9 +79,13 @@ std::vector<uint64_t> sizes_of(std::span<const Part> parts) {
 
 struct PartStore::State {
   State(ReadFile read_file, std::vector<Part> all_parts, Options all_options, Validate check)
-      : file(std::move(read_file)), parts(std::move(all_parts)), options(std::move(all_options)),
-        validate(std::move(check)), slots(parts.size()),
-        residency(sizes_of(parts), options.memory_limit_bytes, options.read_ahead_bytes), valid_sums(parts.size()) {}
+      : file(std::move(read_file)),
+        parts(std::move(all_parts)),
+        options(std::move(all_options)),
+        validate(std::move(check)),
+        slots(parts.size()),
+        residency(sizes_of(parts), options.memory_limit_bytes, options.read_ahead_bytes),
+        valid_sums(parts.size()) {}
   ~State() { end_readers(); }
 
   ReadFile file;
@@ -96,11 +104,13 @@ struct PartStore::State {
   mutable std::mutex mutex;
   std::condition_variable to_readers, to_visitor;
   std::vector<std::thread> readers;
-  std::vector<Read> reads;
+  std::deque<Read> reads;            // where they are, whatever is added
   std::vector<uint64_t> valid_sums;  // of each part's bytes when they were found valid, 0: not yet; its reader's own
-  size_t read_count = 0;  // of `reads`, in this sweep
+  size_t read_count = 0;             // of `reads`, in this sweep
+  size_t early_count = 0;            // of these, the first ones, begun before it
+  uint64_t early_ring_bytes = 0;
   size_t next_read = 0;
-  size_t awaited = 0;    // reads that the visitor has asked for, in this sweep
+  size_t awaited = 0;  // reads that the visitor has asked for, in this sweep
   size_t active_reads = 0;
   bool ending = false;
   Ring ring;
@@ -122,8 +132,14 @@ struct PartStore::State {
   Status check(const Read& read);
   void finish(Read& read, const Status& status);
 
+  // Of a sweep to come, on any thread.
+  bool begin_early(uint32_t part);
+
   // Sweeping, on the caller's thread.
   void plan_reads(std::span<const uint32_t> wanted_parts);
+  void plan_read(uint32_t part, bool kept);
+  Status visit_early(const Visit& visit);
+  void release(const Read& read);
   Read& wait_for(size_t index);
   Status visit_read(Read& read, const Visit& visit);
   void make_resident(Read& read);
@@ -231,31 +247,53 @@ void PartStore::State::finish(Read& read, const Status& status) {
 
 // ---- sweeping ----
 
+// Under the mutex, as what follows: readers may be at work on reads that began early.
+void PartStore::State::plan_read(uint32_t part, bool kept) {
+  if (read_count == reads.size()) reads.emplace_back();
+  Read& read = reads[read_count++];
+  read.part = part;
+  read.kept = kept;
+  read.state = ReadState::planned;
+  if (!kept && ring.empty()) ring = Ring(options.tag, residency.ring_bytes());
+  start_readers();
+}
+
+bool PartStore::State::begin_early(uint32_t part) {
+  const std::lock_guard lock(mutex);
+  Slot& slot = slots[part];
+  if (!slot.memory.empty() || slot.early != Early::no || early_count >= options.reads_ahead) return false;
+  const bool kept = residency.take_room(part);
+  if (!kept) {
+    if (early_ring_bytes + held_bytes(part) > residency.ring_bytes()) return false;
+    early_ring_bytes += held_bytes(part);
+  }
+  slot.early = Early::begun;
+  plan_read(part, kept);
+  ++early_count;
+  return true;
+}
+
 // Which parts stay does not depend on the direction of the sweep.
 void PartStore::State::plan_reads(std::span<const uint32_t> wanted_parts) {
   const bool descends = wanted_parts.size() > 1 && wanted_parts.front() > wanted_parts.back();
   const auto ascending = [&](size_t i) { return wanted_parts[descends ? wanted_parts.size() - 1 - i : i]; };
-  size_t count = 0;
-  for (size_t i = 0; i < wanted_parts.size(); ++i) {
-    const uint32_t part = ascending(i);
-    SPILLWAY_CHECK(part, <, parts.size());
-    if (i > 0) SPILLWAY_CHECK(ascending(i - 1), <, part);
-    residency.ask(part);
-    if (!slots[part].memory.empty()) continue;
-    if (count == reads.size()) reads.emplace_back();
-    Read& read = reads[count++];
-    read.part = part;
-    read.state = ReadState::planned;
-    read.kept = residency.take_room(part);
-    if (!read.kept && ring.empty()) ring = Ring(options.tag, residency.ring_bytes());
-  }
-  if (count == 0) return;
-  if (descends) std::reverse(reads.begin(), reads.begin() + static_cast<ptrdiff_t>(count));
-  start_readers();
   {
     const std::lock_guard lock(mutex);
-    read_count = count;
-    next_read = awaited = 0;
+    for (size_t i = 0; i < wanted_parts.size(); ++i) {
+      const uint32_t part = ascending(i);
+      SPILLWAY_CHECK(part, <, parts.size());
+      if (i > 0) SPILLWAY_CHECK(ascending(i - 1), <, part);
+      residency.ask(part);
+      Slot& slot = slots[part];
+      if (slot.early == Early::begun)
+        slot.early = Early::asked_for;
+      else if (slot.memory.empty())
+        plan_read(part, residency.take_room(part));
+    }
+    if (descends)
+      std::reverse(reads.begin() + static_cast<ptrdiff_t>(early_count),
+                   reads.begin() + static_cast<ptrdiff_t>(read_count));
+    awaited = 0;
   }
   to_readers.notify_all();
 }
@@ -291,11 +329,26 @@ Status PartStore::State::visit_read(Read& read, const Visit& visit) {
     return {};
   }
   ++parts_evicted;
+  release(read);
+  return {};
+}
+
+void PartStore::State::release(const Read& read) {
   {
     const std::lock_guard lock(mutex);
     ring.release(read.ring_offset, held_bytes(read.part));
   }
   to_readers.notify_all();
+}
+
+Status PartStore::State::visit_early(const Visit& visit) {
+  for (size_t i = 0; i < early_count; ++i) {
+    Read& read = wait_for(i);
+    if (slots[read.part].early == Early::asked_for)
+      SPILLWAY_TRY(visit_read(read, visit));
+    else if (!read.kept)
+      release(read);
+  }
   return {};
 }
 
@@ -311,7 +364,9 @@ void PartStore::State::stop_reads() {
     read.memory = {};
     read.kept = false;
   }
-  read_count = next_read = 0;
+  for (size_t i = 0; i < early_count; ++i) slots[reads[i].part].early = Early::no;
+  read_count = next_read = early_count = awaited = 0;
+  early_ring_bytes = 0;
   ring.clear();
 }
 
@@ -324,16 +379,17 @@ void PartStore::State::evict(uint32_t part) {
 Status PartStore::sweep(std::span<const uint32_t> parts, const Visit& visit) {
   State& s = *state_;
   s.plan_reads(parts);
-  size_t next = 0;
-  Status status;
+  Status status = s.visit_early(visit);
+  size_t next = s.early_count;
   for (const uint32_t part : parts) {
+    if (!status) break;
+    if (s.slots[part].early != Early::no) continue;
     if (next < s.read_count && s.reads[next].part == part) {
       status = s.visit_read(s.wait_for(next++), visit);
     } else {
       if (s.options.access_log) s.options.access_log(part, false);
       status = visit(part, s.bytes_of(part));
     }
-    if (!status) break;
   }
   s.stop_reads();
   if (all_resident()) s.end_readers();
@@ -361,9 +417,10 @@ Status check_parts(const ReadFile& file, std::span<const Part> parts) {
     const auto [offset, size] = parts[i];
     const bool inside = offset <= file.size_bytes() && size <= file.size_bytes() - offset;
     if (offset % kDirectAlignment == 0 && size > 0 && inside) continue;
-    return error("{}: part {} ({} bytes at byte {}) does not lie in the file ({} bytes) at a multiple of {}; the file "
-                 "or its table is damaged: pack the scene again",
-                 file.path().string(), i, size, offset, file.size_bytes(), kDirectAlignment);
+    return error(
+        "{}: part {} ({} bytes at byte {}) does not lie in the file ({} bytes) at a multiple of {}; the file "
+        "or its table is damaged: pack the scene again",
+        file.path().string(), i, size, offset, file.size_bytes(), kDirectAlignment);
   }
   return {};
 }
@@ -390,6 +447,11 @@ size_t PartStore::size() const { return state_->parts.size(); }
 bool PartStore::all_resident() const { return state_->residency.all_resident(); }
 bool PartStore::fits() const { return state_->residency.fits(); }
 bool PartStore::direct_effective() const { return state_->file.direct_effective(); }
+bool PartStore::read_early(uint32_t part) {
+  if (!state_->begin_early(part)) return false;
+  state_->to_readers.notify_all();
+  return true;
+}
 void PartStore::note_use(uint32_t part) { state_->residency.ask(part); }
 std::span<const std::byte> PartStore::resident(uint32_t part) const { return state_->bytes_of(part); }
 

@@ -5,9 +5,11 @@
 // Owns: the open file, the resident parts, the read-ahead buffer, the reader threads.
 // Memory: `tag`, at most memory_limit_bytes: resident parts, plus one ring of read-ahead bytes for parts that come and
 //         go. When all parts fit there is no ring, everything is read once, and the reader threads end with the last.
-// Threads: resident() may be called from any thread between sweeps; everything else by one thread at a time. The
-//          visitor and the callbacks run on the sweeping thread, one part after the other, while a few reader threads fetch and
-//          validate the next ones: `validate` must bear concurrent calls. No lock is held over I/O or validation.
+// Threads: resident() and read_early() may be called from any thread between sweeps; everything else by one thread at a
+// time. The
+//          visitor and the callbacks run on the sweeping thread, one part after the other, while a few reader threads
+//          fetch and validate the next ones: `validate` must bear concurrent calls. No lock is held over I/O or
+//          validation.
 // Residency: see residency.h.
 // Fails: short or failed reads and parts that `validate` refuses: an error naming file, part and offset. A part that is
 //        read again is known by its checksum, and validated anew when that has changed. The store
@@ -39,7 +41,7 @@ struct PartStoreCounters {
   uint64_t parts_evicted = 0;     // dropped from memory after use
   uint64_t bytes_read = 0;
   uint64_t unique_bytes = 0;
-  double wait_seconds = 0;        // the visitor waited for a read
+  double wait_seconds = 0;  // the visitor waited for a read
 };
 
 class PartStore {
@@ -51,7 +53,7 @@ class PartStore {
     uint64_t read_ahead_bytes = 32 << 20;  // within the limit, of which it takes a quarter at most unless two of the
                                            // largest parts need more; larger: more reads in flight, less resident
     int reader_threads = 4;
-    uint32_t reads_ahead = UINT32_MAX;        // reads under way or done beyond the one that is visited; 0: none (ablation)
+    uint32_t reads_ahead = UINT32_MAX;  // reads under way or done beyond the one that is visited; 0: none (ablation)
     bool direct = false;
     // Told of every visit of every sweep, in order, and whether its part had to be read: the log from which tests and
     // `whatif` recompute the counters. May be empty.
@@ -78,6 +80,11 @@ class PartStore {
   // is not resident is read exactly once and kept when there is room. The bytes are valid during the visit only.
   using Visit = std::function<Status(uint32_t part, std::span<const std::byte> bytes)>;
   Status sweep(std::span<const uint32_t> parts, const Visit& visit);
+
+  // Begins to read a part that is not in memory and that the next sweep will visit: it visits such parts before all
+  // others, in the order in which they were begun. One that it does not name after all was read for nothing. Refused,
+  // as far as it would not stay, when the room to read ahead is taken.
+  bool read_early(uint32_t part);
 
   // A resident part was used in this wave without a sweep: rebalance() then knows that it is wanted.
   void note_use(uint32_t part);

@@ -39,8 +39,25 @@ void PageSweep::add_due(uint32_t ray, Cell& cell, uint32_t instance) {
   ++cell.count;
 }
 
+// Pages that are sure to be visited are read while other rays are still being traced through what is in memory. Sure are
+// those that enough of this and earlier chunks' rays wait for, while it looks as if half of the room did for all pairs:
+// several windows would each visit others.
+void PageSweep::read_early(size_t chunk, size_t ray_count) {
+  const uint64_t enough = park_paths_ + park_shadows_ > 0 ? park_pairs_ : 1;
+  const std::lock_guard lock(early_);
+  counted_rays_ += ray_count;
+  for (uint32_t page = 0; page < page_count_; ++page) counted_pairs_ += cell(chunk, page).count;
+  const bool fit = 2 * counted_pairs_ * rays_.size() <= pair_capacity_ * counted_rays_;
+  for (uint32_t page = 0; page < page_count_; ++page) {
+    const uint64_t before = page_pairs_[page];
+    page_pairs_[page] += cell(chunk, page).count;
+    if (fit && before < enough && page_pairs_[page] >= enough) rays_.pages().pages().read_early(page);
+  }
+}
+
 bool PageSweep::list_waiting() {
   cut_chunks();
+  page_pairs_.assign(page_count_, 0);
   pool_.emplace(memory_, pair_capacity_ - pair_capacity_ / 32, chunk_count_ * page_count_);  // its links are the 32nd part
   listed_ = true;
   waiting_ = Buffer<uint64_t>(MemoryTag::rays, block_count(rays_.size(), kWordRays));
@@ -60,6 +77,7 @@ bool PageSweep::list_waiting() {
     }
     waiting_count += count;
     rays_.add_work(work);
+    read_early(chunk, last - first);
   });
   report_.resident_only_count = rays_.size() - waiting_count;
   return waiting_count != 0;

@@ -7,6 +7,7 @@
 // one task.
 
 #include <atomic>
+#include <mutex>
 #include <optional>
 #include <utility>
 #include <vector>
@@ -34,6 +35,7 @@ class PageSweep {
   };
 
   void add_due(uint32_t ray, Cell& cell, uint32_t instance);
+  void read_early(size_t chunk, size_t ray_count);
   void trace_span(const cache::TracePageView& view, std::span<const Pair> pairs, cache::TraceCounters& work) const;
   template <class Body>
   void for_each_waiting(size_t first, size_t last, const Body& body);
@@ -67,6 +69,8 @@ class PageSweep {
   Buffer<uint64_t> waiting_;  // a bit for each place in the order: the ray met pages that are not in memory
   size_t chunk_count_ = 0, chunk_rays_ = 0;
   Buffer<Cell> cells_;  // [chunk][page]
+  std::mutex early_;
+  uint64_t counted_rays_ = 0, counted_pairs_ = 0;  // of the chunks that are done
   std::vector<uint64_t> page_pairs_;
   std::optional<PairPool> pool_;      // pairs as they were found,
   std::atomic<bool> listed_ = false;  // all of them;

@@ -9,6 +9,7 @@
 #include <numeric>
 #include <random>
 #include <set>
+#include <thread>
 
 #include "cache/base/hash.h"
 
@@ -175,8 +176,11 @@ TEST(PartStore, random_sweeps_see_the_right_bytes_within_any_limit) {
     memory_reset_peaks();
     const uint64_t before = memory_use(MemoryTag::attributes).current_bytes;
     const uint64_t limit = least + random() % 600000;
-    Harness h(file, {.tag = MemoryTag::attributes, .memory_limit_bytes = limit, .read_ahead_bytes = random() % 200000,
-                     .reader_threads = 1 + round % 5, .direct = round % 2 == 1});
+    Harness h(file, {.tag = MemoryTag::attributes,
+                     .memory_limit_bytes = limit,
+                     .read_ahead_bytes = random() % 200000,
+                     .reader_threads = 1 + round % 5,
+                     .direct = round % 2 == 1});
     uint64_t parts_read = 0;
     std::set<uint32_t> ever;
     for (int wave = 0; wave < 12; ++wave) {
@@ -326,6 +330,97 @@ TEST(PartStore, memory_does_not_move_once_the_room_is_full) {
   for (int wave = 0; wave < 3; ++wave) ASSERT_TRUE(h.sweep(file.all()));
   EXPECT_EQ(memory_use(MemoryTag::pages).current_bytes, before.current_bytes);
   EXPECT_EQ(memory_use(MemoryTag::pages).peak_bytes, before.current_bytes);
+}
+
+// ---- reads that begin before their sweep ----
+
+TEST(PartStore, parts_that_are_read_early_are_visited_first_and_read_once) {
+  const PartFile file(kTwelve);
+  // Room for four parts beside a ring of two.
+  Harness h(file, {.memory_limit_bytes = 6 * 8192, .read_ahead_bytes = 0});
+  ASSERT_TRUE(h.sweep(file.all()));
+  memory_reset_peaks();
+  const MemoryUse before = memory_use(MemoryTag::pages);
+  EXPECT_TRUE(h.store->read_early(9));
+  EXPECT_TRUE(h.store->read_early(6));
+  EXPECT_FALSE(h.store->read_early(9));   // begun
+  EXPECT_FALSE(h.store->read_early(0));   // in memory
+  EXPECT_FALSE(h.store->read_early(11));  // the ring holds two
+  ASSERT_TRUE(h.sweep(file.all()));
+  EXPECT_EQ(h.visited, (std::vector<uint32_t>{9, 6, 0, 1, 2, 3, 4, 5, 7, 8, 10, 11}));
+  EXPECT_EQ(h.reads(), 8u);
+  EXPECT_EQ(h.store->counters().parts_read, 12u + 8);
+  EXPECT_EQ(memory_use(MemoryTag::pages).peak_bytes, before.current_bytes);
+  EXPECT_TRUE(h.store->read_early(11));
+  std::vector<uint32_t> backwards = file.all();
+  std::ranges::reverse(backwards);
+  ASSERT_TRUE(h.sweep(backwards));
+  EXPECT_EQ(h.visited, backwards);
+}
+
+TEST(PartStore, parts_that_are_read_early_stay_when_there_is_room) {
+  const PartFile file(kTwelve);
+  Harness h(file, {.memory_limit_bytes = 6 * 8192, .read_ahead_bytes = 0});
+  for (const uint32_t part : {8u, 2u, 11u, 5u, 0u, 1u}) EXPECT_TRUE(h.store->read_early(part));
+  EXPECT_FALSE(h.store->read_early(3));
+  ASSERT_TRUE(h.sweep(file.all()));
+  for (const uint32_t part : {2u, 5u, 8u, 11u}) EXPECT_FALSE(h.store->resident(part).empty());
+  EXPECT_EQ(h.store->counters().parts_read, 12u);
+  ASSERT_TRUE(h.sweep(file.all()));
+  EXPECT_EQ(h.reads(), 8u);
+}
+
+TEST(PartStore, what_is_read_early_and_not_asked_for_is_dropped) {
+  const PartFile file(kTwelve);
+  Harness h(file, {.memory_limit_bytes = 6 * 8192, .read_ahead_bytes = 0});
+  EXPECT_TRUE(h.store->read_early(7));  // would stay
+  ASSERT_TRUE(h.sweep(std::vector<uint32_t>{1, 2, 3, 4}));
+  EXPECT_EQ(h.visited, (std::vector<uint32_t>{1, 2, 3, 4}));
+  EXPECT_TRUE(h.store->resident(7).empty());
+  ASSERT_TRUE(h.sweep(file.all()));
+  EXPECT_TRUE(h.store->read_early(9));  // would not
+  ASSERT_TRUE(h.sweep(std::vector<uint32_t>{8, 10}));
+  EXPECT_EQ(h.visited, (std::vector<uint32_t>{8, 10}));
+  ASSERT_TRUE(h.sweep(file.all()));
+  EXPECT_EQ(h.visited, file.all());
+}
+
+TEST(PartStore, an_early_read_that_fails_fails_the_sweep_that_asks_for_it) {
+  const PartFile file(kTwelve);
+  bool refuses = true;
+  Harness h(file, {.memory_limit_bytes = 6 * 8192, .read_ahead_bytes = 0},
+            [&](std::span<const std::byte>, std::string_view where) {
+              return refuses && where.find("part 9 ") != std::string_view::npos ? Status(error("{}: refused", where))
+                                                                                : Status();
+            });
+  EXPECT_TRUE(h.store->read_early(9));
+  EXPECT_TRUE(h.sweep(std::vector<uint32_t>{1, 2}));
+  EXPECT_TRUE(h.store->read_early(9));
+  const Status status = h.sweep(file.all());
+  ASSERT_FALSE(status);
+  EXPECT_NE(status.error().message.find("part 9 at byte 73728: refused"), std::string::npos) << status.error().message;
+  refuses = false;
+  ASSERT_TRUE(h.sweep(file.all()));
+  EXPECT_EQ(h.visited, file.all());
+}
+
+TEST(PartStore, random_early_reads_by_many_threads_change_no_byte) {
+  const PartFile file(std::vector<uint64_t>(40, 20000));
+  std::mt19937 random(3);
+  Harness h(file, {.memory_limit_bytes = 300000});
+  for (int wave = 0; wave < 40; ++wave) {
+    std::vector<std::thread> threads;
+    for (int t = 0; t < 3; ++t)
+      threads.emplace_back([&h, part = random() % 40] {
+        for (uint32_t i = 0; i < 5; ++i) h.store->read_early(static_cast<uint32_t>(part + 7 * i) % 40);
+      });
+    for (std::thread& thread : threads) thread.join();
+    ASSERT_TRUE(h.sweep(file.all()));
+    std::ranges::sort(h.visited);
+    ASSERT_EQ(h.visited, file.all());
+    h.store->rebalance();
+  }
+  EXPECT_EQ(h.store->counters().unique_bytes, 40u * 20000);
 }
 
 }  // namespace
