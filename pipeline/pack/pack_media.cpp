@@ -26,7 +26,7 @@ class GivenSamples final : public SampleSource {
     const size_t layer = static_cast<size_t>(n[0]) * n[1] * volume_.channels;
     slab_.grow(MemoryTag::pack, layers * layer);
     slab_.set_size(layers * layer);
-    return volume_.stream->read(first_layer_ * layer, slab_);
+    return volume_.samples->read(first_layer_ * layer, slab_);
   }
   [[nodiscard]] uint32_t channels() const override { return volume_.channels; }
   void copy(const std::array<int32_t, 3>& corner, int32_t side, std::span<float> samples) const override {
@@ -158,16 +158,17 @@ Status lattice_from_world(const Affine3& world_from_medium, const Affine3& mediu
 
 }  // namespace
 
-Result<uint32_t> SaidMedia::add_volume(VolumeInput volume) {
+Result<uint32_t> SaidMedia::add_volume(const VolumeInput& volume) {
   const auto& n = volume.counts;
   if (volume.file.empty()) {
     const bool possible = n[0] > 0 && n[1] > 0 && n[2] > 0;
     const double count = static_cast<double>(n[0]) * n[1] * n[2] * volume.channels;
-    if (!possible || count != static_cast<double>(volume.stream->size()))
+    const uint64_t given = volume.samples ? volume.samples->size() : 0;
+    if (!possible || count != static_cast<double>(given))
       return error("{}: {} x {} x {} samples of {}, but {} numbers are given", volume.name, n[0], n[1], n[2],
-                   volume.channels == 1 ? "one" : "three", volume.stream->size());
+                   volume.channels == 1 ? "one" : "three", given);
   }
-  volumes_.push_back(std::move(volume));
+  volumes_.push_back(volume);
   return static_cast<uint32_t>(volumes_.size() - 1);
 }
 

@@ -33,7 +33,7 @@ struct PackMediaOptions {
 // What a scene says of its media.
 class SaidMedia {
  public:
-  Result<uint32_t> add_volume(VolumeInput volume);  // its samples, if given, as a stream
+  Result<uint32_t> add_volume(const VolumeInput& volume);
   Result<uint32_t> add_medium(const MediumInput& medium);
   void set_black_bodies(std::span<const Rgb> table) { black_bodies_.assign(table.begin(), table.end()); }
   [[nodiscard]] size_t medium_count() const { return media_.size(); }

@@ -161,16 +161,7 @@ Status ScenePacker::add_image_light(const ImageLightInput& input) {
 
 Result<uint32_t> ScenePacker::add_volume(const VolumeInput& volume) {
   SPILLWAY_TRY(state_);
-  // Given samples lie on scratch from here on: a scene may have many grids.
-  VolumeInput kept{volume.name,     volume.file,  volume.grid, volume.counts, {}, volume.medium_from_lattice,
-                   volume.channels, volume.stream};
-  if (kept.file.empty() && !kept.stream) {
-    SPILLWAY_ASSIGN(const std::shared_ptr<SampleStream> stream, make_sample_stream());
-    SPILLWAY_TRY(failed(stream->append(volume.samples)));
-    SPILLWAY_TRY(failed(stream->finish()));
-    kept.stream = stream;
-  }
-  auto added = media_.add_volume(std::move(kept));
+  auto added = media_.add_volume(volume);
   if (!added) return fail<uint32_t>(added.error());
   if (!volume.file.empty()) add_source_file(volume.file);
   return added;

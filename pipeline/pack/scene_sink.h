@@ -57,11 +57,11 @@ struct VolumeInput {
   std::string name;                // for messages
   std::filesystem::path file;      // .vdb or .nvdb; empty: samples are given
   std::string grid;                // of the file
+  // What is given: samples x fastest, from lattice point (0, 0, 0) on; channels of a sample together.
   std::array<int32_t, 3> counts{0, 0, 0};
-  std::vector<float> samples;      // x fastest, from lattice point (0, 0, 0) on; channels of a sample together
-  Affine3 medium_from_lattice;     // of given samples
-  uint32_t channels = 1;           // of given samples; 3: a colour
-  std::shared_ptr<const SampleStream> stream = nullptr;  // given samples, in place of `samples`
+  uint32_t channels = 1;           // 3: a colour
+  std::shared_ptr<const SampleStream> samples = nullptr;
+  Affine3 medium_from_lattice{};
 };
 
 struct MediumInput {
@@ -163,7 +163,7 @@ class SceneSink {
   virtual Status add_image_light(const ImageLightInput& light);
   // Sinks that have no use for media refuse them.
   virtual Result<uint32_t> add_volume(const VolumeInput& volume);
-  // For samples too many to be held, which become a VolumeInput's stream. Here: in memory.
+  // For a VolumeInput's samples. Here: in memory.
   virtual Result<std::shared_ptr<SampleStream>> make_sample_stream();
   virtual Result<uint32_t> add_medium(const MediumInput& medium);
   virtual void set_black_bodies(std::span<const Rgb> /*table*/) {}  // kBlackBodyEntries; where a medium has a temperature
@@ -185,6 +185,14 @@ class SceneSink {
   // Everything said: pack, and commit the store. Nothing may follow.
   virtual Status finish() = 0;
 };
+
+// Samples that are at hand, as a stream of the sink's.
+inline Result<std::shared_ptr<SampleStream>> to_sample_stream(SceneSink& sink, std::span<const float> samples) {
+  SPILLWAY_ASSIGN(std::shared_ptr<SampleStream> stream, sink.make_sample_stream());
+  SPILLWAY_TRY(stream->append(samples));
+  SPILLWAY_TRY(stream->finish());
+  return stream;
+}
 
 // Sinks that have no use for these refuse them.
 inline Result<uint32_t> SceneSink::add_volume(const VolumeInput& volume) {

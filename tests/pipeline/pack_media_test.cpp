@@ -35,7 +35,7 @@ TEST(PackMedia, bricks_of_every_size_hold_the_samples_that_were_given) {
   for (const uint32_t channels : {1u, 3u})
     for (const int32_t voxels : {8, 16, 64}) {
       SaidMedia media;
-      ASSERT_TRUE(media.add_volume({"grid", {}, {}, kCounts, {}, Affine3{}, channels, samples(channels)}));
+      ASSERT_TRUE(media.add_volume({"grid", {}, {}, kCounts, channels, samples(channels)}));
       auto file = cache::WriteFile::create(path, cache::IoPurpose::pack);
       ASSERT_TRUE(file);
       const auto packed = media.pack(*file, path, {.brick_voxels = voxels});

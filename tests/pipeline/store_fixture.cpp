@@ -66,7 +66,8 @@ Status pack_gas(const std::filesystem::path& path) {
   Medium fire = fog;
   fire.kind = MediumKind::grid, fire.glow_kind = GlowKind::temperature, fire.glow = {1, 1, 1};
   for (uint32_t* volume : {&fire.density_volume, &fire.glow_volume}) {
-    SPILLWAY_ASSIGN(*volume, packer->add_volume({"grid", {}, {}, {2, 2, 2}, {0, 1, 2, 3, 4, 5, 6, 7}, Affine3{}}));
+    SPILLWAY_ASSIGN(const auto samples, to_sample_stream(*packer, std::array<float, 8>{0, 1, 2, 3, 4, 5, 6, 7}));
+    SPILLWAY_ASSIGN(*volume, packer->add_volume({"grid", {}, {}, {2, 2, 2}, 1, samples}));
   }
   packer->set_black_bodies(std::vector<Rgb>(kBlackBodyEntries, Rgb{1, 0.5f, 0.25f}));
   SPILLWAY_TRY(packer->add_medium({"fire", fire, Affine3{}}) ? Status{} : error("fire"));

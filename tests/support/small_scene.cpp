@@ -62,7 +62,9 @@ Status write_image(const std::filesystem::path& path, int size, int channels, ui
   return {};
 }
 
-uint32_t checks(int x, int y, int c) { return ((x / 16 + y / 16) % 2 ? 200u : 60u) + static_cast<uint32_t>(c * 10 + x % 7); }
+uint32_t checks(int x, int y, int c) {
+  return ((x / 16 + y / 16) % 2 ? 200u : 60u) + static_cast<uint32_t>(c * 10 + x % 7);
+}
 uint32_t holes(int x, int y, int) {
   const int dx = x % 32 - 16, dy = y % 32 - 16;
   const int r2 = dx * dx + dy * dy;
@@ -140,7 +142,8 @@ SceneSettings settings(const SmallSceneOptions& options) {
   s.camera.world_from_camera.m[2][3] = -3.5f;
   s.camera.resolution_x_px = options.resolution_x_px, s.camera.resolution_y_px = options.resolution_y_px;
   s.camera.tan_half_fov_y = 0.5f;
-  s.camera.tan_half_fov_x = 0.5f * static_cast<float>(options.resolution_x_px) / static_cast<float>(options.resolution_y_px);
+  s.camera.tan_half_fov_x =
+      0.5f * static_cast<float>(options.resolution_x_px) / static_cast<float>(options.resolution_y_px);
   s.camera.lens_radius = 0.02f, s.camera.focal_distance = 3.5f;
   s.filter = {shading::FilterKind::mitchell, {2, 2}, 1.0f / 3, 1.0f / 3};
   s.render.samples_per_pixel = options.samples_per_pixel;
@@ -229,37 +232,46 @@ Status add_objects(Builder& b, ScenePacker& packer, bool moves) {
     place.m[0][3] = -1.5f + 0.7f * static_cast<float>(i), place.m[1][3] = 0.9f + 0.2f * static_cast<float>(i % 2);
     place.m[2][3] = 1.2f;
     // One stands still among those that move.
-    SPILLWAY_TRY(moves && i != 1 ? packer.add_moving_instance(object, place, moved_on(place, 1 + i, {0.3f, 0.2f, -0.4f}))
-                                 : packer.add_instance(object, place));
+    SPILLWAY_TRY(moves && i != 1
+                     ? packer.add_moving_instance(object, place, moved_on(place, 1 + i, {0.3f, 0.2f, -0.4f}))
+                     : packer.add_instance(object, place));
   }
   return {};
 }
 
 // Smoke that thins out upwards, n samples an axis.
-VolumeInput smoke(const char* name, int32_t n, Float3 corner, float size) {
-  VolumeInput volume;
-  volume.name = name;
-  volume.counts = {n, n, n};
+std::vector<float> smoke_samples(int32_t n) {
+  std::vector<float> samples;
   for (int32_t z = 0; z < n; ++z)
     for (int32_t y = 0; y < n; ++y)
       for (int32_t x = 0; x < n; ++x) {
         const double wave = std::sin(0.5 * x) * std::cos(0.4 * z) + 1 - 1.2 * y / n;
-        volume.samples.push_back(wave > 0 ? static_cast<float>(wave) : 0);
+        samples.push_back(wave > 0 ? static_cast<float>(wave) : 0);
       }
+  return samples;
+}
+
+Result<uint32_t> add_cube(ScenePacker& packer, const char* name, int32_t n, std::span<const float> samples,
+                          uint32_t channels, Float3 corner, float size) {
+  SPILLWAY_ASSIGN(const auto stream, to_sample_stream(packer, samples));
+  VolumeInput volume{name, {}, {}, {n, n, n}, channels, stream};
   const float step = size / static_cast<float>(n);
   for (int a = 0; a < 3; ++a) volume.medium_from_lattice.m[a][a] = step, volume.medium_from_lattice.m[a][3] = corner[a];
-  return volume;
+  return packer.add_volume(volume);
+}
+
+Result<uint32_t> add_smoke(ScenePacker& packer, const char* name, int32_t n, Float3 corner, float size) {
+  return add_cube(packer, name, n, smoke_samples(n), 1, corner, size);
 }
 
 // The same in three channels: as it is, turned over, and evenly, all of them times `less`.
-VolumeInput colored_smoke(const char* name, Float3 corner, float size, float less) {
-  VolumeInput volume = smoke(name, 24, corner, size);
-  std::vector<float> grey = std::move(volume.samples);
-  volume.channels = 3;
+Result<uint32_t> add_colored_smoke(ScenePacker& packer, const char* name, Float3 corner, float size, float less) {
+  constexpr int32_t kSide = 24;
+  const std::vector<float> grey = smoke_samples(kSide);
+  std::vector<float> colors;
   for (size_t i = 0; i < grey.size(); ++i)
-    for (const float value : {less * grey[i], less * grey[grey.size() - 1 - i], less * 0.5f})
-      volume.samples.push_back(value);
-  return volume;
+    for (const float value : {less * grey[i], less * grey[grey.size() - 1 - i], less * 0.5f}) colors.push_back(value);
+  return add_cube(packer, name, kSide, colors, 3, corner, size);
 }
 
 // The media by number: haze, fire, milk, paint.
@@ -271,8 +283,8 @@ Status add_media(ScenePacker& packer) {
   fire.kind = MediumKind::grid;
   fire.sigma_a = {2, 3, 4}, fire.sigma_s = {3, 2, 1}, fire.g = -0.2f;
   fire.glow_kind = GlowKind::scaled, fire.glow = {1, 0.4f, 0.1f};
-  SPILLWAY_ASSIGN(fire.density_volume, packer.add_volume(smoke("density", 40, {-1.7f, 0.05f, -1.5f}, 0.9f)));
-  SPILLWAY_ASSIGN(fire.glow_volume, packer.add_volume(smoke("glow", 20, {-1.6f, 0.1f, -1.4f}, 0.8f)));
+  SPILLWAY_ASSIGN(fire.density_volume, add_smoke(packer, "density", 40, {-1.7f, 0.05f, -1.5f}, 0.9f));
+  SPILLWAY_ASSIGN(fire.glow_volume, add_smoke(packer, "glow", 20, {-1.6f, 0.1f, -1.4f}, 0.8f));
   SPILLWAY_ASSIGN([[maybe_unused]] const uint32_t second, packer.add_medium({"fire", fire, {}}));
   Medium milk;
   milk.sigma_a = {0.1f, 0.4f, 1.0f}, milk.sigma_s = {4, 4.5f, 5};
@@ -282,9 +294,9 @@ Status add_media(ScenePacker& packer) {
   paint.sigma_a = {0, 0, 0}, paint.sigma_s = {6, 6, 6}, paint.g = 0.1f;
   paint.glow_kind = GlowKind::colors, paint.glow = {0.2f, 0.3f, 0.1f};
   const Float3 corner{-0.4f, 0.05f, -1.95f};
-  SPILLWAY_ASSIGN(paint.density_volume, packer.add_volume(colored_smoke("paint", corner, 0.8f, 1)));
-  SPILLWAY_ASSIGN(paint.scatter_volume, packer.add_volume(colored_smoke("scattering", corner, 0.8f, 0.7f)));
-  SPILLWAY_ASSIGN(paint.glow_volume, packer.add_volume(colored_smoke("shine", corner, 0.8f, 0.4f)));
+  SPILLWAY_ASSIGN(paint.density_volume, add_colored_smoke(packer, "paint", corner, 0.8f, 1));
+  SPILLWAY_ASSIGN(paint.scatter_volume, add_colored_smoke(packer, "scattering", corner, 0.8f, 0.7f));
+  SPILLWAY_ASSIGN(paint.glow_volume, add_colored_smoke(packer, "shine", corner, 0.8f, 0.4f));
   SPILLWAY_ASSIGN([[maybe_unused]] const uint32_t fourth, packer.add_medium({"paint", paint, {}}));
   return {};
 }
@@ -330,7 +342,8 @@ Status add_lamps(Builder& b, ScenePacker& packer) {
   for (int i = 0; i < 5; ++i) {
     Affine3 place;
     place.m[0][0] = i == 3 ? -1.0f : 1.0f, place.m[2][2] = i == 1 ? 2.5f : 1.0f, place.m[0][1] = i == 4 ? 0.6f : 0.0f;
-    place.m[0][3] = -1.6f + 0.8f * static_cast<float>(i), place.m[1][3] = 1.9f, place.m[2][3] = -0.4f * static_cast<float>(i);
+    place.m[0][3] = -1.6f + 0.8f * static_cast<float>(i), place.m[1][3] = 1.9f,
+    place.m[2][3] = -0.4f * static_cast<float>(i);
     SPILLWAY_TRY(packer.add_instance(object, place));
   }
   return {};
@@ -409,7 +422,8 @@ Result<Store> pack_small_scene(const std::filesystem::path& directory, const std
   if (options.has_media) said.render.camera_medium = 0, said.render.max_depth += 3;
   packer->set_settings(said);
   if (options.moves)
-    SPILLWAY_TRY(packer->set_camera_end(moved_on(settings(options).camera.world_from_camera, 0.1, {0.1f, 0.05f, 0.1f})));
+    SPILLWAY_TRY(
+        packer->set_camera_end(moved_on(settings(options).camera.world_from_camera, 0.1, {0.1f, 0.05f, 0.1f})));
   std::vector<shading::Camera> path(options.frame_count, settings(options).camera);
   for (size_t f = 0; f < path.size(); ++f) path[f].world_from_camera.m[0][3] += 0.05f * static_cast<float>(f);
   packer->set_camera_path(1, path);

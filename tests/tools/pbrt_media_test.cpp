@@ -22,6 +22,12 @@ Medium medium_of(const std::string& parameters) {
   return imported.sink.media.size() == 1 ? imported.sink.media[0].medium : Medium{};
 }
 
+std::vector<float> samples_of(const pipeline::VolumeInput& volume) {
+  std::vector<float> samples(volume.samples->size());
+  EXPECT_TRUE(volume.samples->read(0, samples));
+  return samples;
+}
+
 const std::string kFog = "\"string type\" \"homogeneous\" ";
 const std::string kGrid = "\"string type\" \"uniformgrid\" \"integer nx\" 2 \"float density\" [1 2] ";
 
@@ -120,26 +126,26 @@ TEST(PbrtMedia, grids_of_colours_are_volumes_of_three_channels) {
   EXPECT_EQ(medium.glow_kind, GlowKind::none);
   ASSERT_EQ(both.sink.volumes.size(), 2u);
   EXPECT_EQ(both.sink.volumes[0].channels, 3u);
-  EXPECT_EQ(both.sink.volumes[medium.density_volume].samples, (std::vector<float>{1.5f, 2, 4, 6, 8, 6}));
-  EXPECT_EQ(both.sink.volumes[medium.scatter_volume].samples, (std::vector<float>{0.5f, 0, 1, 2, 3, 0}));
+  EXPECT_EQ(samples_of(both.sink.volumes[medium.density_volume]), (std::vector<float>{1.5f, 2, 4, 6, 8, 6}));
+  EXPECT_EQ(samples_of(both.sink.volumes[medium.scatter_volume]), (std::vector<float>{0.5f, 0, 1, 2, 3, 0}));
   // What is not given is one.
   const Imported absorbs = import_medium(kColors + kSigmaA), scatters = import_medium(kColors + kSigmaS);
-  EXPECT_EQ(absorbs.sink.volumes.at(0).samples, (std::vector<float>{2, 3, 4, 5, 6, 7}));
-  EXPECT_EQ(absorbs.sink.volumes.at(1).samples, std::vector<float>(6, 1));
-  EXPECT_EQ(scatters.sink.volumes.at(0).samples, (std::vector<float>{1.5f, 1, 2, 3, 4, 1}));
+  EXPECT_EQ(samples_of(absorbs.sink.volumes.at(0)), (std::vector<float>{2, 3, 4, 5, 6, 7}));
+  EXPECT_EQ(samples_of(absorbs.sink.volumes.at(1)), std::vector<float>(6, 1));
+  EXPECT_EQ(samples_of(scatters.sink.volumes.at(0)), (std::vector<float>{1.5f, 1, 2, 3, 4, 1}));
   for (const char* scale : {"LeScale", "Lescale"}) {
     const Imported glows = import_medium(kColors + kSigmaA + "\"rgb Le\" [1 0 0 0 1 0] \"float " + scale + "\" 3");
     ASSERT_EQ(glows.error, "");
     EXPECT_EQ(glows.sink.media[0].medium.glow_kind, GlowKind::colors);
     EXPECT_EQ(glows.sink.media[0].medium.glow, (Rgb{3, 3, 3}));
-    EXPECT_EQ(glows.sink.volumes.at(glows.sink.media[0].medium.glow_volume).samples,
+    EXPECT_EQ(samples_of(glows.sink.volumes.at(glows.sink.media[0].medium.glow_volume)),
               (std::vector<float>{1, 0, 0, 0, 1, 0}));
   }
   // A white of another space is a white.
   const Imported wide =
       import_world("ColorSpace \"rec2020\"\nMakeNamedMedium \"m\" \"string type\" \"rgbgrid\" \"rgb sigma_s\" [2 2 2]");
   ASSERT_EQ(wide.error, "");
-  for (const float value : wide.sink.volumes.at(1).samples) EXPECT_NEAR(value, 2, 1e-4);
+  for (const float value : samples_of(wide.sink.volumes.at(1))) EXPECT_NEAR(value, 2, 1e-4);
 }
 
 TEST(PbrtMedia, grids_of_colours_that_make_no_sense_are_refused) {
@@ -170,15 +176,21 @@ TEST(PbrtMedia, clouds_are_sampled_where_their_noise_can_be_seen) {
   EXPECT_EQ(ramp.sink.media[0].medium.sigma_s, (Rgb{4, 5, 6}));
   const pipeline::VolumeInput& volume = ramp.sink.volumes.at(0);
   EXPECT_EQ(volume.counts, (std::array<int32_t, 3>{16, 16, 16}));
+  const std::vector<float> samples = samples_of(volume);
+  ASSERT_EQ(samples.size(), 16u * 16 * 16);
   for (int32_t y = 0; y < 16; ++y) {
     const float at = (static_cast<float>(y) + 0.5f) / 16;
-    EXPECT_NEAR(volume.samples[16 * y], std::clamp(2 * (0.5f - at), 0.0f, 1.0f), 1e-5) << y;
+    EXPECT_NEAR(samples[16 * y], std::clamp(2 * (0.5f - at), 0.0f, 1.0f), 1e-5) << y;
   }
   const Imported wispy = import_medium(cloud + "\"float frequency\" 2 \"point3 p0\" [0 0.5 0] \"point3 p1\" [2 1 9]");
   const pipeline::VolumeInput& noise = wispy.sink.volumes.at(0);
   EXPECT_EQ(noise.counts, (std::array<int32_t, 3>{128, 32, 256}));
-  const Float3 place = noise.medium_from_lattice.point({17, 3, 200});
-  EXPECT_EQ(noise.samples[(200 * 32 + 3) * 128 + 17], shading::cloud_density(place, {1, 1, 2}));
+  const std::vector<float> wisps = samples_of(noise);
+  ASSERT_EQ(wisps.size(), 128u * 32 * 256);
+  for (const auto& [x, y, z] : {std::array{0, 0, 0}, std::array{17, 3, 200}, std::array{127, 31, 255}}) {
+    const Float3 p{static_cast<float>(x), static_cast<float>(y), static_cast<float>(z)};
+    EXPECT_EQ(wisps[(z * 32 + y) * 128 + x], shading::cloud_density(noise.medium_from_lattice.point(p), {1, 1, 2}));
+  }
   EXPECT_NE(import_medium(cloud + "\"point3 p1\" [1 0 1]").error.find("along axis 1"), std::string::npos);
   EXPECT_NE(import_medium(cloud + "\"rgb Le\" [1 1 1]").error.find("has no parameter"), std::string::npos);
   EXPECT_NE(import_medium("\"string type\" \"fog\"").error.find("\"rgbgrid\", \"cloud\""), std::string::npos);
@@ -228,19 +240,46 @@ TEST(PbrtMedia, long_lists_of_samples_are_streams) {
   ASSERT_EQ(imported.error, "");
   ASSERT_EQ(imported.sink.volumes.size(), 2u);
   for (const pipeline::VolumeInput& volume : imported.sink.volumes) {
-    EXPECT_TRUE(volume.samples.empty());
-    ASSERT_TRUE(volume.stream);
-    ASSERT_EQ(volume.stream->size(), size_t{kCount});
-    std::vector<float> samples(kCount);
-    ASSERT_TRUE(volume.stream->read(0, samples));
+    const std::vector<float> samples = samples_of(volume);
+    ASSERT_EQ(samples.size(), size_t{kCount});
     for (int i = 0; i < kCount; ++i) ASSERT_EQ(samples[i], static_cast<float>(i % 1000));
   }
   const std::string scale = import_medium(kGrid + "\"float scale\" [" + numbers + "]").error;
   EXPECT_NE(scale.find("\"float scale\" takes 1 value, not 90000"), std::string::npos) << scale;
 }
 
+// Colours too; sums and colours of other spaces are made from what was read, some at a time.
+TEST(PbrtMedia, long_lists_of_colours_are_streams) {
+  constexpr int kCount = 300 * 300;
+  static_assert(3 * kCount > 3 << 16);
+  std::string absorbs, scatters;
+  for (int i = 0; i < 3 * kCount; ++i) absorbs += fmt::format("{} ", i % 1000), scatters += fmt::format("{} ", i % 7);
+  const std::string grid = "\"string type\" \"rgbgrid\" \"integer nx\" 300 \"integer ny\" 300 ";
+  const std::string colors = "\"rgb sigma_a\" [" + absorbs + "] \"rgb Le\" [" + absorbs + "] ";
+  const Imported both = import_medium(grid + colors + "\"rgb sigma_s\" [" + scatters + "]");
+  ASSERT_EQ(both.error, "");
+  ASSERT_EQ(both.sink.volumes.size(), 3u);
+  const pipeline::Medium& medium = both.sink.media.at(0).medium;
+  const std::vector<float> total = samples_of(both.sink.volumes[medium.density_volume]);
+  const std::vector<float> scatter = samples_of(both.sink.volumes[medium.scatter_volume]);
+  const std::vector<float> glow = samples_of(both.sink.volumes[medium.glow_volume]);
+  ASSERT_EQ(total.size(), 3u * kCount);
+  ASSERT_EQ(scatter.size(), total.size());
+  ASSERT_EQ(glow.size(), total.size());
+  for (int i = 0; i < 3 * kCount; ++i) {
+    ASSERT_EQ(glow[i], static_cast<float>(i % 1000));
+    ASSERT_EQ(scatter[i], static_cast<float>(i % 7));
+    ASSERT_EQ(total[i], glow[i] + scatter[i]);
+  }
+  const std::string negative =
+      import_medium(grid + "\"rgb sigma_a\" [" + absorbs.substr(0, absorbs.size() - 4) + "-1 ]").error;
+  EXPECT_NE(negative.find("\"rgb sigma_a\": sample 89999 is negative"), std::string::npos) << negative;
+  const std::string fog = import_medium(kFog + "\"rgb sigma_a\" [" + absorbs + "]").error;
+  EXPECT_NE(fog.find("\"rgb sigma_a\" takes 3 values, not 270000"), std::string::npos) << fog;
+}
+
 // 16 MiB of samples, of which a slab as high as a brick is held at a time (3.2 MiB), and buffers of a MiB.
-TEST(PbrtMedia, given_grids_are_never_held_whole) {
+TEST(PbrtMedia, what_is_held_of_given_grids_is_in_the_budget) {
   const auto held = [](int side) {
     std::string numbers(2 * static_cast<size_t>(side) * side * side, ' ');
     for (size_t i = 0; i < numbers.size(); i += 2) numbers[i] = static_cast<char>('1' + i / 2 % 7);

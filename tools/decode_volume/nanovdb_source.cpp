@@ -12,6 +12,7 @@
 #include <nanovdb/util/IO.h>
 
 #include "cache/file.h"
+#include "tools/decode_volume/leaf_source.h"
 
 namespace spillway::tools {
 namespace {
@@ -28,7 +29,7 @@ using Upper = nanovdb::NanoUpper<float>::DataType;
 using Lower = nanovdb::NanoLower<float>::DataType;
 using Leaf = nanovdb::NanoLeaf<float>::DataType;
 constexpr uint64_t kRootAt = sizeof(GridData) + sizeof(TreeData);
-constexpr int32_t kLeafSide = 8, kLowerSide = 16 * kLeafSide;
+constexpr int32_t kLowerSide = 16 * LeafSource::kLeafSide;
 
 struct alignas(NANOVDB_DATA_ALIGNMENT) AlignedBytes {
   std::byte bytes[NANOVDB_DATA_ALIGNMENT];
@@ -108,7 +109,7 @@ uint32_t child_number(const Coord& place, int32_t log2_children, int32_t child_s
   return along(0) << 2 * log2_children | along(1) << log2_children | along(2);
 }
 
-class NanoVdbSource final : public pipeline::SampleSource {
+class NanoVdbSource final : public LeafSource {
  public:
   NanoVdbSource(cache::ReadFile file, const GridPlace& place, std::string grid)
       : file_(std::move(file)), place_(place), name_(std::move(grid)) {}
@@ -163,14 +164,6 @@ class NanoVdbSource final : public pipeline::SampleSource {
     return {};
   }
 
-  void copy(const std::array<int32_t, 3>& corner, int32_t side, std::span<float> samples) const override {
-    const auto aligned = [](int32_t x) { return x & -kLeafSide; };
-    for (int32_t x = aligned(corner[0]); x < corner[0] + side; x += kLeafSide)
-      for (int32_t y = aligned(corner[1]); y < corner[1] + side; y += kLeafSide)
-        for (int32_t z = aligned(corner[2]); z < corner[2] + side; z += kLeafSide)
-          copy_cell(Coord(x, y, z), corner, side, samples);
-  }
-
  private:
   static constexpr uint32_t kLowerChildren = 1 << 12, kUpperChildren = 1 << 15;
 
@@ -207,22 +200,21 @@ class NanoVdbSource final : public pipeline::SampleSource {
 
   // Every child is a node of the level below, and there are as many of both: a walk through the tree ends.
   Status check_children() const {
-    uint64_t lowers = 0, leaves = 0;
-    for (uint32_t i = 0; i < layout_.count[2]; ++i) {
-      const uint64_t here = layout_.begin[2] + i * sizeof(Upper);
-      const auto& node = at<Upper>(here);
-      for (uint32_t child = 0; child < kUpperChildren; ++child)
-        if (node.mChildMask.isOn(child) && !lower_at(node, here, child)) return damaged();
-      lowers += node.mChildMask.countOn();
+    SPILLWAY_TRY(check_level<Upper>(2, kUpperChildren, [&](const auto&... of) { return lower_at(of...).has_value(); }));
+    return check_level<Lower>(1, kLowerChildren, [&](const auto&... of) { return leaf_index(of...).has_value(); });
+  }
+  // exists(node, its byte, child)
+  template <class Node, class Exists>
+  Status check_level(int level, uint32_t children_of_a_node, const Exists& exists) const {
+    uint64_t children = 0;
+    for (uint32_t i = 0; i < layout_.count[level]; ++i) {
+      const uint64_t here = layout_.begin[level] + i * sizeof(Node);
+      const auto& node = at<Node>(here);
+      for (uint32_t child = 0; child < children_of_a_node; ++child)
+        if (node.mChildMask.isOn(child) && !exists(node, here, child)) return damaged();
+      children += node.mChildMask.countOn();
     }
-    for (uint32_t i = 0; i < layout_.count[1]; ++i) {
-      const uint64_t here = layout_.begin[1] + i * sizeof(Lower);
-      const auto& node = at<Lower>(here);
-      for (uint32_t child = 0; child < kLowerChildren; ++child)
-        if (node.mChildMask.isOn(child) && !leaf_index(node, here, child)) return damaged();
-      leaves += node.mChildMask.countOn();
-    }
-    return lowers == layout_.count[1] && leaves == layout_.count[0] ? Status{} : Status{damaged()};
+    return children == layout_.count[level - 1] ? Status{} : Status{damaged()};
   }
 
   // As the library has it: of header and root, and of the sums of all nodes, one by one.
@@ -273,12 +265,7 @@ class NanoVdbSource final : public pipeline::SampleSource {
     }
   }
 
-  // The values of a leaf's cell, or the one value that it has.
-  struct Values {
-    const float* leaf = nullptr;
-    float all = 0;
-  };
-  [[nodiscard]] Values find(const Coord& cell) const {
+  [[nodiscard]] Values find(const std::array<int32_t, 3>& cell) const override {
     constexpr int32_t kUpperMask = ~(32 * kLowerSide - 1);
     const auto tile = tiles_.find({cell[0] & kUpperMask, cell[1] & kUpperMask, cell[2] & kUpperMask});
     if (tile == tiles_.end()) return {nullptr, root().mBackground};
@@ -295,20 +282,6 @@ class NanoVdbSource final : public pipeline::SampleSource {
     const uint32_t index = *leaf_index(lower, here, leaf);
     const auto slot = static_cast<size_t>(std::lower_bound(loaded_.begin(), loaded_.end(), index) - loaded_.begin());
     return {reinterpret_cast<const Leaf*>(leaves_.data())[slot].mValues, 0};
-  }
-
-  void copy_cell(const Coord& cell, const std::array<int32_t, 3>& corner, int32_t side,
-                 std::span<float> samples) const {
-    const Values values = find(cell);
-    const auto from = [&](int a) { return std::max(cell[a], corner[a]); };
-    const auto to = [&](int a) { return std::min(cell[a] + kLeafSide, corner[a] + side); };
-    for (int32_t z = from(2); z < to(2); ++z)
-      for (int32_t y = from(1); y < to(1); ++y) {
-        const size_t row = (static_cast<size_t>(z - corner[2]) * side + (y - corner[1])) * side;
-        for (int32_t x = from(0); x < to(0); ++x)
-          samples[row + (x - corner[0])] =
-              values.leaf != nullptr ? values.leaf[(x & 7) << 6 | (y & 7) << 3 | (z & 7)] : values.all;
-      }
   }
 
   cache::ReadFile file_;

@@ -2,13 +2,12 @@
 
 // A float grid of an OpenVDB file as a source of samples, read slab by slab.
 //
-// Memory: the topology of the grid, and the leaves of one slab. No delayed loading, no memory map.
+// Memory: the grid's topology (its nodes, and what a leaf has besides samples), where the file has each leaf's samples,
+//         and the samples of one slab's leaves. No delayed loading, no memory map.
 // Fails:  a missing, empty, wrong or damaged grid, by its name; the library's exceptions end here.
 
-#include <memory>
 #include <string>
 
-#include "pipeline/pack/cut_bricks.h"
 #include "tools/decode_volume/decoded_volume.h"
 
 namespace spillway::tools {

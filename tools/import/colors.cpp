@@ -11,7 +11,7 @@ namespace {
 constexpr size_t kMostSpectrumNumbers = 1 << 16;  // of a file; measured spectra have some hundreds
 
 Result<Rgb> three_numbers(const Parameter& rgb) {
-  SPILLWAY_TRY(expect_count(rgb, rgb.numbers.size(), 3));
+  SPILLWAY_TRY(expect_count(rgb, rgb.number_count(), 3));
   const Rgb color{rgb.numbers[0], rgb.numbers[1], rgb.numbers[2]};
   // Wide spaces have colours of negative components of their own; Rec. 709 is refused what no light and no surface is.
   if (rgb.color_space == ColorSpace::srgb && std::min({color.r, color.g, color.b}) < 0)

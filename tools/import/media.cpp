@@ -67,6 +67,27 @@ Result<Affine3> lattice_of(const ParamList& params, const std::array<int32_t, 3>
   return medium_from_lattice;
 }
 
+// Colours of a grid from number `first` on, as linear Rec. 709; ones where none are given.
+Status read_colors(const Parameter* given, size_t first, std::span<float> colors) {
+  std::fill(colors.begin(), colors.end(), 1.0f);
+  if (given == nullptr) return {};
+  if (given->stream) {
+    SPILLWAY_TRY(given->stream->read(first, colors));
+  } else {
+    std::copy_n(given->numbers.begin() + static_cast<std::ptrdiff_t>(first), colors.size(), colors.begin());
+  }
+  for (size_t i = 0; i < colors.size(); i += 3) {
+    if (given->color_space == ColorSpace::srgb) {
+      if (std::min({colors[i], colors[i + 1], colors[i + 2]}) >= 0) continue;
+      return error_at(given->place, "\"rgb {}\": sample {} is negative", given->name, (first + i) / 3);
+    }
+    const Rgb inside = surface_rec709(given->color_space, {colors[i], colors[i + 1], colors[i + 2]});
+    colors[i] = std::max(inside.r, 0.0f), colors[i + 1] = std::max(inside.g, 0.0f);
+    colors[i + 2] = std::max(inside.b, 0.0f);
+  }
+  return {};
+}
+
 class MediumReader {
  public:
   MediumReader(Session& session, const ParamList& params, const Token& name)
@@ -99,23 +120,38 @@ class MediumReader {
     return {};
   }
 
-  Result<uint32_t> add_samples(const Place& place, const std::array<int32_t, 3>& counts, std::vector<float> samples,
-                               uint32_t channels) {
-    SPILLWAY_ASSIGN(const Affine3 medium_from_lattice, lattice_of(params_, counts));
-    return add_volume(place, {to_string(place), {}, {}, counts, std::move(samples), medium_from_lattice, channels});
-  }
-
   Result<uint32_t> add_volume(const Place& place, const VolumeInput& volume) {
     const auto added = session_.sink.add_volume(volume);
     if (!added) return error_at(place, "{}", added.error().message);
     return *added;
   }
+  Result<uint32_t> add_volume(const Place& place, const std::array<int32_t, 3>& counts, uint32_t channels,
+                              std::shared_ptr<const pipeline::SampleStream> samples) {
+    SPILLWAY_ASSIGN(const Affine3 medium_from_lattice, lattice_of(params_, counts));
+    return add_volume(place, {to_string(place), {}, {}, counts, channels, std::move(samples), medium_from_lattice});
+  }
 
   Result<uint32_t> add_given(const Parameter& samples, const std::array<int32_t, 3>& counts) {
-    SPILLWAY_ASSIGN(const Affine3 medium_from_lattice, lattice_of(params_, counts));
-    return add_volume(
-        samples.place,
-        {to_string(samples.place), {}, {}, counts, samples.numbers, medium_from_lattice, 1, samples.stream});
+    if (samples.stream) return add_volume(samples.place, counts, 1, samples.stream);
+    SPILLWAY_ASSIGN(const auto stream, pipeline::to_sample_stream(session_.sink, samples.numbers));
+    return add_volume(samples.place, counts, 1, stream);
+  }
+
+  // The same, of numbers that are made some at a time: fill(first, numbers).
+  template <class Fill>
+  Result<uint32_t> add_made(const Place& place, const std::array<int32_t, 3>& counts, uint32_t channels,
+                            const Fill& fill) {
+    constexpr size_t kAtOnce = size_t{3} << 16;  // 768 KiB, colours whole
+    SPILLWAY_ASSIGN(const auto stream, session_.sink.make_sample_stream());
+    const size_t count = static_cast<size_t>(counts[0]) * counts[1] * counts[2] * channels;
+    std::vector<float> some(std::min(count, kAtOnce));
+    for (size_t first = 0; first < count; first += kAtOnce) {
+      const std::span numbers = std::span(some).first(std::min(kAtOnce, count - first));
+      SPILLWAY_TRY(fill(first, numbers));
+      SPILLWAY_TRY(stream->append(numbers));
+    }
+    SPILLWAY_TRY(stream->finish());
+    return add_volume(place, counts, channels, stream);
   }
 
   Result<std::array<int32_t, 3>> read_counts() {
@@ -160,57 +196,56 @@ class MediumReader {
     return {};
   }
 
-  // The samples of a colour grid as linear Rec. 709, each in turn; none when the scene does not give them.
-  Result<std::optional<std::vector<float>>> read_colors(std::string_view name, const std::array<int32_t, 3>& counts) {
+  // The colours of a grid, or none when the scene does not give them.
+  Result<const Parameter*> find_colors(std::string_view name, const std::array<int32_t, 3>& counts) {
     const Parameter* given = params_.find(ParamType::rgb, name);
-    if (given == nullptr) return std::optional<std::vector<float>>();
+    if (given == nullptr) return given;
     const double wanted = 3.0 * counts[0] * counts[1] * counts[2];
-    if (static_cast<double>(given->numbers.size()) != wanted)
+    if (static_cast<double>(given->number_count()) != wanted)
       return error_at(given->place, "\"rgb {}\" takes three numbers a sample of nx * ny * nz, {} in all, not {}", name,
-                      wanted, given->numbers.size());
-    std::vector<float> colors = given->numbers;
-    for (size_t i = 0; i < colors.size(); i += 3) {
-      if (given->color_space == ColorSpace::srgb) {
-        if (std::min({colors[i], colors[i + 1], colors[i + 2]}) >= 0) continue;
-        return error_at(given->place, "\"rgb {}\": sample {} is negative", name, i / 3);
-      }
-      const Rgb inside = surface_rec709(given->color_space, {colors[i], colors[i + 1], colors[i + 2]});
-      colors[i] = std::max(inside.r, 0.0f), colors[i + 1] = std::max(inside.g, 0.0f);
-      colors[i + 2] = std::max(inside.b, 0.0f);
-    }
-    return std::optional(std::move(colors));
+                      wanted, given->number_count());
+    return given;
   }
 
   // What is not given of absorption and scattering is one everywhere, as in pbrt.
   Status read_color_grid(Medium& medium) {
     medium.kind = MediumKind::color_grid;
     SPILLWAY_ASSIGN(const auto counts, read_counts());
-    SPILLWAY_ASSIGN(const auto absorbs, read_colors("sigma_a", counts));
-    SPILLWAY_ASSIGN(auto scatters, read_colors("sigma_s", counts));
-    if (!absorbs && !scatters)
+    SPILLWAY_ASSIGN(const Parameter* absorbs, find_colors("sigma_a", counts));
+    SPILLWAY_ASSIGN(const Parameter* scatters, find_colors("sigma_s", counts));
+    if (absorbs == nullptr && scatters == nullptr)
       return error_at(name_.place, "an rgbgrid medium without \"rgb sigma_a\" and \"rgb sigma_s\": give one of them");
-    const Place place = params_.find(ParamType::rgb, absorbs ? "sigma_a" : "sigma_s")->place;
-    std::vector<float> total = absorbs ? *absorbs : std::vector<float>(scatters->size(), 1);
-    if (!scatters) scatters = std::vector<float>(total.size(), 1);
-    for (size_t i = 0; i < total.size(); ++i) total[i] += (*scatters)[i];
-    SPILLWAY_ASSIGN(medium.density_volume, add_samples(place, counts, std::move(total), 3));
-    SPILLWAY_ASSIGN(medium.scatter_volume, add_samples(place, counts, std::move(*scatters), 3));
+    const Place place = (absorbs != nullptr ? absorbs : scatters)->place;
+    std::vector<float> scattered;
+    const auto total = [&](size_t first, std::span<float> colors) -> Status {
+      scattered.resize(colors.size());
+      SPILLWAY_TRY(read_colors(absorbs, first, colors));
+      SPILLWAY_TRY(read_colors(scatters, first, scattered));
+      for (size_t i = 0; i < colors.size(); ++i) colors[i] += scattered[i];
+      return {};
+    };
+    SPILLWAY_ASSIGN(medium.density_volume, add_made(place, counts, 3, total));
+    SPILLWAY_ASSIGN(medium.scatter_volume, add_colors(place, counts, scatters));
     SPILLWAY_ASSIGN(const float scale, params_.real("scale", 1));
     medium.sigma_a = {0, 0, 0}, medium.sigma_s = {scale, scale, scale};
     SPILLWAY_ASSIGN(medium.g, params_.real("g", 0));
-    return read_color_emission(counts, absorbs.has_value(), medium);
+    return read_color_emission(counts, absorbs != nullptr, medium);
+  }
+
+  Result<uint32_t> add_colors(const Place& place, const std::array<int32_t, 3>& counts, const Parameter* given) {
+    return add_made(place, counts, 3,
+                    [&](size_t first, std::span<float> colors) { return read_colors(given, first, colors); });
   }
 
   Status read_color_emission(const std::array<int32_t, 3>& counts, bool absorbs, Medium& medium) {
-    SPILLWAY_ASSIGN(auto emission, read_colors("Le", counts));
-    if (!emission) return {};
-    const Place place = params_.find(ParamType::rgb, "Le")->place;
+    SPILLWAY_ASSIGN(const Parameter* emission, find_colors("Le", counts));
+    if (emission == nullptr) return {};
     if (!absorbs)
-      return error_at(place, "an rgbgrid medium emits what it absorbs: \"rgb Le\" takes \"rgb sigma_a\" too");
+      return error_at(emission->place, "an rgbgrid medium emits what it absorbs: \"rgb Le\" takes \"rgb sigma_a\" too");
     SPILLWAY_ASSIGN(const float scale,
                     params_.real(params_.find(ParamType::real, "LeScale") ? "LeScale" : "Lescale", 1));
     medium.glow_kind = GlowKind::colors, medium.glow = {scale, scale, scale};
-    SPILLWAY_ASSIGN(medium.glow_volume, add_samples(place, counts, std::move(*emission), 3));
+    SPILLWAY_ASSIGN(medium.glow_volume, add_colors(emission->place, counts, emission));
     return {};
   }
 
@@ -231,16 +266,19 @@ class MediumReader {
       counts[a] = static_cast<int32_t>(std::clamp(wanted, 16.0f, kMostSamples));
     }
     SPILLWAY_ASSIGN(const Affine3 medium_from_lattice, lattice_of(params_, counts));
-    std::vector<float> samples(static_cast<size_t>(counts[0]) * counts[1] * counts[2]);
-    parallel_blocks(static_cast<size_t>(counts[2]), 1, [&](size_t z, size_t, size_t) {
-      size_t at = z * counts[1] * counts[0];
-      for (int32_t y = 0; y < counts[1]; ++y)
-        for (int32_t x = 0; x < counts[0]; ++x) {
-          const Float3 p{static_cast<float>(x), static_cast<float>(y), static_cast<float>(z)};
-          samples[at++] = shading::cloud_density(medium_from_lattice.point(p), cloud);
-        }
-    });
-    SPILLWAY_ASSIGN(medium.density_volume, add_samples(name_.place, counts, std::move(samples), 1));
+    const auto sample = [&](size_t at) {
+      const size_t row = at / counts[0];
+      const Float3 p{static_cast<float>(at % counts[0]), static_cast<float>(row % counts[1]),
+                     static_cast<float>(row / counts[1])};
+      return shading::cloud_density(medium_from_lattice.point(p), cloud);
+    };
+    const auto fill = [&](size_t at, std::span<float> samples) -> Status {
+      parallel_blocks(samples.size(), 1024, [&](size_t, size_t first, size_t last) {
+        for (size_t i = first; i < last; ++i) samples[i] = sample(at + i);
+      });
+      return {};
+    };
+    SPILLWAY_ASSIGN(medium.density_volume, add_made(name_.place, counts, 1, fill));
     return {};
   }
 
@@ -257,7 +295,7 @@ class MediumReader {
 
   Result<uint32_t> add_grid(const std::string& file, const std::string& grid) {
     const std::filesystem::path path = session_.resolved(file);
-    return add_volume(name_.place, {fmt::format("{}: grid '{}'", path.string(), grid), path, grid, {0, 0, 0}, {}, {}});
+    return add_volume(name_.place, {fmt::format("{}: grid '{}'", path.string(), grid), path, grid});
   }
 
   // Glow, and temperature that glows, are asked for by name: a file may hold some that is not meant to.

@@ -133,7 +133,8 @@ Status read_values(Tokenizer& tokens, Parameter& parameter, pipeline::SceneSink*
     if (token.kind == TokenKind::end) return error_at(opened, "[ of \"{}\" is never closed: add a ]", parameter.name);
     if (token.kind == TokenKind::open) return error_at(token.place, "[ inside the values of \"{}\"", parameter.name);
     SPILLWAY_TRY(add_value(parameter, token));
-    if (long_lists != nullptr && parameter.type == ParamType::real && parameter.numbers.size() > kHeldNumbers)
+    const bool may_be_long = parameter.type == ParamType::real || parameter.type == ParamType::rgb;
+    if (long_lists != nullptr && may_be_long && parameter.numbers.size() > kHeldNumbers)
       SPILLWAY_TRY(pass_on(parameter, *long_lists));
   }
   if (!parameter.stream) return {};

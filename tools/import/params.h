@@ -42,7 +42,7 @@ struct Parameter {
   std::vector<float> numbers;
   std::vector<int32_t> integers;  // booleans: 0 or 1
   std::vector<std::string> strings;
-  std::shared_ptr<pipeline::SampleStream> stream;  // of a long list of floats, in place of `numbers`
+  std::shared_ptr<pipeline::SampleStream> stream;  // of a long list of floats or colours, in place of `numbers`
   ColorSpace color_space = ColorSpace::srgb;       // of rgb
   bool inherited = false;                          // from an Attribute directive: need not be used
   mutable bool used = false;
@@ -77,7 +77,8 @@ class ParamList {
 };
 
 // The declarations that follow, up to the first token that is not a string. Colours are numbers of the space. With a
-// sink, lists of more than kHeldNumbers floats become streams of it as they are read; without, they are held.
+// sink, lists of more than kHeldNumbers floats (a colour is three) become streams of it as they are read; without, they
+// are held.
 inline constexpr size_t kHeldNumbers = 1 << 16;
 Result<ParamList> read_params(Tokenizer& tokens, ColorSpace space = ColorSpace::srgb,
                               pipeline::SceneSink* long_lists = nullptr);
