@@ -43,6 +43,10 @@ class SortedRecords {
   [[nodiscard]] SortedRecords subspan(size_t first, size_t count = std::dynamic_extent) const {
     return {order_.subspan(first, count), records_};
   }
+  // With those that follow them, both of one range.
+  [[nodiscard]] SortedRecords joined(const SortedRecords& next) const {
+    return {{order_.data(), order_.size() + next.order_.size()}, records_};
+  }
   // All of them, one after the other; the memory is asked ahead.
   void copy_to(T* to) const {
     constexpr size_t kAhead = 8;

@@ -4,7 +4,6 @@
 
 #include <mutex>
 
-#include "cache/base/parallel_status.h"
 
 namespace spillway::cache {
 namespace {
@@ -149,40 +148,44 @@ FaceTexSource::~FaceTexSource() {
 Status FaceTexSource::read_tile(uint64_t number, std::span<std::byte> out) const {
   ReadTally& tally = thread_read_tally();
   tally.tiles += 1;
-  const auto staged = staged_at_.find(number);
-  if (staged == staged_at_.end()) {
+  const auto staged = staged_.at.find(number);
+  if (staged == staged_.at.end()) {
     tally.bytes += file_.tiles()[number].size_bytes;
     return file_.read_tile(number, out);
   }
-  return file_.decode_tile(number, {staged_.data() + staged->second, file_.tiles()[number].size_bytes}, out);
+  return file_.decode_tile(number, {staged_.bytes.data() + staged->second, file_.tiles()[number].size_bytes}, out);
 }
 
-Result<size_t> FaceTexSource::stage(std::span<const uint64_t> tiles, uint64_t limit_bytes) {
+FaceTexSource::Stage FaceTexSource::begin_stage(std::span<const uint64_t> tiles, uint64_t limit_bytes) {
   struct Run {
     uint64_t offset, size, place;
   };
-  staged_at_.clear();
+  Stage stage;
   std::vector<Run> runs;
-  uint64_t staged_bytes = 0;
+  next_staged_.at.clear();
   for (const uint64_t number : tiles) {
     const FaceTexTile& tile = file_.tiles()[number];
-    if (staged_bytes + tile.size_bytes > limit_bytes) break;
+    if (stage.bytes + tile.size_bytes > limit_bytes) break;
     const bool follows = !runs.empty() && runs.back().offset + runs.back().size == tile.offset &&
                          runs.back().size + tile.size_bytes <= kRunBytes;
-    if (!follows) runs.push_back({tile.offset, 0, staged_bytes});
+    if (!follows) runs.push_back({tile.offset, 0, stage.bytes});
     runs.back().size += tile.size_bytes;
-    staged_at_.emplace_hint(staged_at_.end(), number, staged_bytes);
-    staged_bytes += tile.size_bytes;
+    next_staged_.at.emplace_hint(next_staged_.at.end(), number, stage.bytes);
+    stage.bytes += tile.size_bytes;
   }
-  staged_.grow(MemoryTag::textures, staged_bytes);
-  const Status read = parallel_status(runs.size(), [&](size_t i) {
-    return file_.read(runs[i].offset, {staged_.data() + runs[i].place, runs[i].size});
-  });
-  if (!read) {
-    staged_at_.clear();
-    return read.error();
-  }
-  return staged_at_.size();
+  stage.tile_count = next_staged_.at.size();
+  next_staged_.bytes.grow(MemoryTag::textures, stage.bytes);
+  for (const Run& run : runs)
+    stage.reads.emplace_back([this, run, to = next_staged_.bytes.data() + run.place] {
+      return file_.read(run.offset, {to, run.size});
+    });
+  return stage;
+}
+
+void FaceTexSource::turn_stage() {
+  staged_.bytes.swap(next_staged_.bytes);
+  staged_.at.swap(next_staged_.at);
+  next_staged_.at.clear();
 }
 
 void* make_facetex_input() { return static_cast<OIIO::ImageInput*>(new FaceTexInput); }

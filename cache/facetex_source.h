@@ -4,10 +4,12 @@
 //
 // Owns: while it lives, the file under its path in this process: every ImageInput that opens the path reads through it.
 // (One that opens another path, as a plugin's does, opens the file itself.)
-// Memory: tag textures: the file's tables, and what stage() holds, at most its limit.
-// Threads: read_tile by any number at once; stage() while no other call runs.
+// Memory: tag textures: the file's tables, and what is staged, at most the limits given for what is read and for what was.
+// Threads: read_tile by any number at once, also while what begin_stage() found is read; begin_stage() and turn_stage()
+//          while no other call runs.
 // Fails: read errors and damaged tiles, with the byte; OpenImageIO is told the same.
 
+#include <functional>
 #include <map>
 #include <memory>
 #include <span>
@@ -35,17 +37,28 @@ class FaceTexSource {
   [[nodiscard]] const FaceTexFile& file() const { return file_; }
   // Decoded; staged bytes first. Counts the tile in thread_read_tally(), and its bytes when they come from the file.
   Status read_tile(uint64_t number, std::span<std::byte> out) const;
-  // Reads these tiles, ascending and each once, compressed: those that follow each other in runs of up to kRunBytes,
-  // several at a time on the current arena's threads. Lets go of what was staged before. Returns how many were staged:
-  // what is beyond `limit_bytes` is left to read_tile.
-  Result<size_t> stage(std::span<const uint64_t> tiles, uint64_t limit_bytes);
+  // How to read these tiles, ascending and each once, compressed, and beside what is staged: those that follow each
+  // other in runs of up to kRunBytes, to be read in any order, by any number of threads. What is beyond `limit_bytes` is
+  // left to read_tile.
+  struct Stage {
+    size_t tile_count = 0;  // of those given, the first
+    uint64_t bytes = 0;
+    std::vector<std::function<Status()>> reads;
+  };
+  [[nodiscard]] Stage begin_stage(std::span<const uint64_t> tiles, uint64_t limit_bytes);
+  // They have been read: read_tile finds them, and no longer those before.
+  void turn_stage();
+  [[nodiscard]] bool is_staged(uint64_t tile) const { return staged_.at.contains(tile); }
 
  private:
   explicit FaceTexSource(FaceTexFile file) : file_(std::move(file)) {}
 
   FaceTexFile file_;
-  Buffer<std::byte> staged_;
-  std::map<uint64_t, uint64_t> staged_at_;  // tile to place
+  struct Staged {
+    Buffer<std::byte> bytes;
+    std::map<uint64_t, uint64_t> at;  // tile to place
+  };
+  Staged staged_, next_staged_;
 };
 
 // OpenImageIO's ImageInput::Creator, and what it makes: an OIIO::ImageInput*.

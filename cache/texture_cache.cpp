@@ -7,10 +7,12 @@
 #include <bit>
 #include <cmath>
 #include <cstring>
-#include <map>
+#include <utility>
 
 #include "cache/base/check.h"
 #include "cache/base/memory.h"
+#include "cache/base/parallel.h"
+#include "cache/reads_ahead.h"
 
 namespace spillway::cache {
 namespace {
@@ -76,6 +78,12 @@ void choose_decoding(Image& image) {
   }
 }
 
+// What a lookup needs and has not been kept, and whose it is.
+struct WantedTile {
+  uint64_t tile;  // of its file
+  uint32_t owner;
+};
+
 // A file of face textures, open.
 struct Container {
   std::shared_ptr<FaceTexSource> source;
@@ -105,11 +113,14 @@ struct TextureCache::State {
   TileCache cache;
   std::vector<Image> images;
   std::vector<FaceTexture> faces;
+  std::vector<uint32_t> container_of;  // of each of them
   tbb::enumerable_thread_specific<std::unique_ptr<TileThread>> threads;
   std::vector<TextureCounters> staged;  // bytes read ahead, by owner
   uint64_t stage_limit_bytes = 0;
+  bool is_staging = false;  // `reads` are under way, or done and not turned to
   mutable uint64_t most_wave_bytes = 0;
   MemoryClaim claim;
+  ReadsAhead reads;  // after what they read into
 
   ~State() { threads.clear(); }
 
@@ -118,6 +129,39 @@ struct TextureCache::State {
     if (!own) own = cache.make_thread();
     own->begin_block();
     return *own;
+  }
+
+  // By container, ascending, each once: its owner is the one that asks first.
+  std::vector<std::vector<WantedTile>> wanted_tiles(std::span<const FaceTextureRequest> requests) const {
+    constexpr size_t kBlock = 1024;
+    std::vector<std::vector<std::vector<WantedTile>>> of_block(block_count(requests.size(), kBlock));
+    parallel_blocks(requests.size(), kBlock, [&](size_t b, size_t first, size_t last) {
+      of_block[b].resize(containers.size());
+      append_wanted(requests.subspan(first, last - first), of_block[b]);
+    });
+    std::vector<std::vector<WantedTile>> wanted(containers.size());
+    for (size_t c = 0; c < wanted.size(); ++c) {
+      for (const auto& block : of_block) wanted[c].insert(wanted[c].end(), block[c].begin(), block[c].end());
+      std::ranges::stable_sort(wanted[c], {}, &WantedTile::tile);
+      const auto twice = std::ranges::unique(wanted[c], {}, &WantedTile::tile);
+      wanted[c].erase(twice.begin(), twice.end());
+    }
+    return wanted;
+  }
+  void append_wanted(std::span<const FaceTextureRequest> requests, std::vector<std::vector<WantedTile>>& wanted) const {
+    std::vector<uint64_t> tiles;
+    for (const FaceTextureRequest& request : requests) {
+      const FaceTexture& texture = faces[request.texture];
+      if (request.face >= texture.faces.size()) continue;  // look_up_faces refuses it
+      const uint32_t c = container_of[request.texture];
+      tiles.clear();
+      append_face_tiles(texture, request, tiles);
+      for (const uint64_t tile : tiles)
+        if ((wanted[c].empty() || wanted[c].back().tile != tile) &&
+            !cache.probably_holds(texture.tiles->first_tile + tile, texture.tiles->tile_bytes) &&
+            !containers[c].source->is_staged(tile))
+          wanted[c].push_back({tile, texture.owner});
+    }
   }
 
   // The tile that holds texel (x, y) of a level; null when it cannot be read.
@@ -286,6 +330,7 @@ Result<std::unique_ptr<TextureCache>> TextureCache::open(const std::filesystem::
     state->faces.push_back({&file, &texture, file.faces(texture), file.numbers(texture), container.decoder.get(),
                             &container.tiles, static_cast<uint32_t>(images.size() + state->faces.size())});
     state->faces.back().choose_tables();
+    state->container_of.push_back(info.container);
   }
   const auto owners = static_cast<uint32_t>(images.size() + face_textures.size());
   state->cache.begin(owners, options.is_logged);
@@ -341,40 +386,42 @@ Status TextureCache::look_up_faces(std::span<const FaceTextureRequest> requests,
   return error("{}: a tile cannot be read: {}; pack the scene again", texture.tiles->path, s.cache.failure());
 }
 
-Status TextureCache::stage_faces(std::span<const FaceTextureRequest> requests) {
+Status TextureCache::begin_staging(std::span<const FaceTextureRequest> requests) {
   State& s = *state_;
+  SPILLWAY_TRY(finish_staging());
   s.cache.is_full();
-  struct Wanted {
-    uint64_t tile;
-    uint32_t owner;
-  };
-  std::map<const FaceTexFile*, std::vector<Wanted>> wanted;
+  std::vector<std::vector<WantedTile>> wanted = s.wanted_tiles(requests);
+  std::vector<ReadsAhead::Read> reads;
   std::vector<uint64_t> tiles;
-  for (const FaceTextureRequest& request : requests) {
-    const FaceTexture& texture = s.faces[request.texture];
+  uint64_t left = s.stage_limit_bytes / 2;  // the other half is what is staged
+  for (size_t c = 0; c < s.containers.size(); ++c) {
+    const Container& container = s.containers[c];
     tiles.clear();
-    if (request.face >= texture.faces.size()) continue;  // look_up_faces refuses it
-    append_face_tiles(texture, request, tiles);
-    std::vector<Wanted>& of_file = wanted[texture.file];
-    for (const uint64_t tile : tiles)
-      if ((of_file.empty() || of_file.back().tile != tile) &&
-          !s.cache.probably_holds(texture.tiles->first_tile + tile, texture.tiles->tile_bytes))
-        of_file.push_back({tile, texture.owner});
-  }
-  for (Container& container : s.containers) {
-    std::vector<Wanted>& of_file = wanted[&container.source->file()];
-    std::stable_sort(of_file.begin(), of_file.end(), [](const Wanted& a, const Wanted& b) { return a.tile < b.tile; });
-    const auto same = [](const Wanted& a, const Wanted& b) { return a.tile == b.tile; };
-    of_file.erase(std::unique(of_file.begin(), of_file.end(), same), of_file.end());
-    tiles.clear();
-    for (const Wanted& w : of_file) tiles.push_back(w.tile);
-    SPILLWAY_ASSIGN(const size_t count, container.source->stage(tiles, s.stage_limit_bytes / s.containers.size()));
-    for (size_t i = 0; i < count; ++i) {
-      s.staged[of_file[i].owner].bytes_read += container.source->file().tiles()[of_file[i].tile].size_bytes;
-      s.cache.log_read(container.tiles.first_tile + of_file[i].tile, 1);
+    for (const WantedTile& w : wanted[c]) tiles.push_back(w.tile);
+    FaceTexSource::Stage stage = container.source->begin_stage(tiles, left);
+    left -= stage.bytes;
+    for (size_t i = 0; i < stage.tile_count; ++i) {
+      s.staged[wanted[c][i].owner].bytes_read += container.source->file().tiles()[tiles[i]].size_bytes;
+      s.cache.log_read(container.tiles.first_tile + tiles[i], 1);
     }
+    for (ReadsAhead::Read& read : stage.reads) reads.push_back(std::move(read));
   }
+  s.is_staging = true;
+  s.reads.begin(std::move(reads));
   return {};
+}
+
+Status TextureCache::finish_staging() {
+  State& s = *state_;
+  if (!std::exchange(s.is_staging, false)) return {};
+  SPILLWAY_TRY(s.reads.finish());
+  for (const Container& container : s.containers) container.source->turn_stage();
+  return {};
+}
+
+Status TextureCache::stage_faces(std::span<const FaceTextureRequest> requests) {
+  SPILLWAY_TRY(begin_staging(requests));
+  return finish_staging();
 }
 
 // ---- counters ----

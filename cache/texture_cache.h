@@ -4,7 +4,7 @@
 //
 // Owns: its images in the process's one OpenImageIO ImageCache; with two of these at a time the later limit holds.
 // Memory: tag textures: Options::memory_limit_bytes, of which, where there are face textures, an eighth, 16 MiB at
-// most, is for what is read ahead; and bytes_beside_tiles(): what the library holds besides (about 20 KiB a file, 1 MiB
+// most, is for what is read ahead, half of it for what is being read; and bytes_beside_tiles(): what the library holds besides (about 20 KiB a file, 1 MiB
 // an open handle of an image and 4 KiB a subimage of face textures) and the tables of face textures.
 // Threads: look_up may be called from any number of threads at once, one block each; no lock of ours is held over I/O.
 // Fails: a missing or damaged image fails open() or look_up() with the file's name; never a black texel instead.
@@ -119,8 +119,12 @@ class TextureCache {
                  std::span<const uint64_t> users = {});
   Status look_up_faces(std::span<const FaceTextureRequest> requests, std::span<Texel> values,
                        std::span<const uint64_t> users = {});
-  // Reads ahead, compressed, what these lookups need and has probably not been kept. While no thread looks up.
-  Status stage_faces(std::span<const FaceTextureRequest> requests);
+  // Begins to read ahead, compressed, what these lookups need and has probably not been kept, nor been staged for the
+  // lookups before. While no thread looks up; those before may go on while it is read.
+  Status begin_staging(std::span<const FaceTextureRequest> requests);
+  // Waits for it: lookups find it from here on, and no longer what was staged before. While no thread looks up.
+  Status finish_staging();
+  Status stage_faces(std::span<const FaceTextureRequest> requests);  // both at once
   [[nodiscard]] bool has_face_textures() const;
   // The tiles there are, which is how they are numbered.
   [[nodiscard]] static uint64_t tile_count(std::span<const ImageInfo> images,

@@ -50,7 +50,7 @@ struct RenderOptions {
   bool log_parked = false;           // rays are parked all the same: sweeps and reads are logged, needs are not
   uint64_t spill_block_bytes = 1 << 19;   // larger: longer requests, more buffer memory
   uint64_t hit_sort_bytes = 0;       // limit of the hit sort; 0: planned
-  bool read_ahead_textures = true;   // of face textures that do not fit: a batch's tiles in the order of the file
+  bool read_ahead_textures = true;   // of face textures: a batch's tiles, while the batch before is shaded
   bool direct_io = false;            // bypass the page cache for pages, attributes and face textures
   std::filesystem::path scratch_directory;  // empty: the system's temporary directory
   uint64_t scratch_limit_bytes = 0;  // 0: what the disk has

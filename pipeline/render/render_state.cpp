@@ -148,8 +148,8 @@ void connect(RenderState& state) {
   in.resolver = state.resolver.get();
   in.wants_aovs = state.options.aov_layers;
   in.hits_are_sorted = state.options.sort_hits, in.hits_come_in_runs = state.options.hit_batch_rays != 0;
-  in.stages_face_textures = state.options.read_ahead_textures && state.textures &&
-                            state.textures->has_face_textures() && !state.plan.textures_fit;
+  in.stages_face_textures =
+      state.options.read_ahead_textures && state.textures && state.textures->has_face_textures();
 }
 
 }  // namespace

@@ -11,6 +11,7 @@
 
 #include "cache/base/check.h"
 #include "cache/base/parallel.h"
+#include "pipeline/render/gather_hits.h"
 #include "pipeline/render/hit_runs.h"
 
 namespace spillway::pipeline {
@@ -18,16 +19,17 @@ namespace {
 
 constexpr size_t kBatchHits = ShadeHitsScratch::kBatchHits;
 constexpr size_t kBlockHits = ShadeHitsScratch::kBlockHits;
-
-constexpr size_t kPrefetch = 8;  // hits ahead, of vertices that lie apart
+// Of hits whose tiles are read while the batch before is shaded: two of them are held.
+constexpr size_t kStagedHits = kBatchHits / 2;
 
 // What one thread needs to shade a block.
 struct BlockScratch {
   std::array<HitRecord, kBlockHits> hits;
-  std::array<cache::TrianglePlace, kBlockHits> places;
   std::array<ShadingPoint, kBlockHits> points;
   std::array<FacePoint, kBlockHits> face_points;
+  std::array<uint32_t, kBlockHits> meshes;
   std::array<SurfaceQuery, kBlockHits> queries;
+  HitGatherer::Scratch gatherer;
   static constexpr size_t kVertices = 64;
   std::array<VertexStart, kVertices> starts;
   std::array<shading::LightQuery, kVertices> light_queries;
@@ -37,13 +39,6 @@ struct BlockScratch {
   std::array<uint32_t, kBlockHits> lookups;  // by hit, when costs are counted
   std::array<uint64_t, kBlockHits> users;    // of tiles, likewise
   MaterialResolver::Scratch resolver;
-};
-
-// A hit whose attributes have left memory before it is shaded.
-struct GatheredHit {
-  ShadingPoint point;
-  FacePoint face;
-  uint32_t mesh;
 };
 
 // What one block of hits turned into, in the batch scratch from `first` on.
@@ -65,66 +60,42 @@ struct ShadedBlock {
 
 class Shader {
  public:
-  Shader(const ShadeInputs& inputs, AttributeStore& attributes, Film& film, ShadeHitsScratch& out)
-      : inputs_(inputs), attributes_(attributes), film_(film), out_(out) {
+  Shader(const ShadeInputs& inputs, AttributeStore& attributes, Film& film, RayColumns<PathRecord>& paths,
+         ShadowColumns& shadows, ShadeHitsScratch& out, ShadeHitsReport& report)
+      : inputs_(inputs), attributes_(attributes), film_(film), paths_(paths), shadows_(shadows), out_(out),
+        report_(report), gatherer_(inputs, attributes) {
     if (looks_up_emission()) out.shadow_ends.grow(MemoryTag::paths, kBatchHits);
   }
 
   // bytes: the attribute block that holds all of these hits; empty: each hit's block is resident.
-  Status shade_batch(const SortedHits& hits, std::span<const std::byte> bytes, RayColumns<PathRecord>& paths,
-                     ShadowColumns& shadows, ShadeHitsReport& report) {
-    if (inputs_.stages_face_textures) SPILLWAY_TRY(stage_face_textures(hits, bytes));
-    std::array<ShadedBlock, kBatchHits / kBlockHits> blocks;
-    parallel_blocks(hits.size(), kBlockHits, [&](size_t b, size_t first, size_t last) {
-      blocks[b] = ShadedBlock{first};
-      shade_block(hits.subspan(first, last - first), bytes, blocks[b]);
-    });
-    hits_before_ += hits.size();
-    if (!failure_) return failure_.error();
-    const std::span<const ShadedBlock> done = std::span(blocks).first(block_count(hits.size(), kBlockHits));
-    SPILLWAY_TRY(append(out_.path_rays, out_.paths, done, &ShadedBlock::path_count, paths));
-    SPILLWAY_TRY(append(out_.shadow_rays, out_.shadows, done, &ShadedBlock::shadow_count, shadows));
-    if (shadows.ends) SPILLWAY_TRY(append(out_.shadow_ends, done, &ShadedBlock::shadow_count, *shadows.ends));
-    for (const ShadedBlock& block : done) {
-      report.path_count += block.path_count, report.shadow_count += block.shadow_count;
-      report.let_through_count += block.let_through_count, report.other_medium_count += block.other_medium_count;
-      report.rays_of_half[0] += block.rays_of_half[0], report.rays_of_half[1] += block.rays_of_half[1];
+  Status shade(const SortedHits& hits, std::span<const std::byte> bytes) {
+    const bool is_staged = inputs_.stages_face_textures && !hits.empty() && hits.front().hit.prim != kMediumPrim;
+    const size_t most = is_staged ? kStagedHits : kBatchHits;
+    for (size_t first = 0; first < hits.size();) {
+      const size_t count = std::min(most - (is_staged ? filling().count : 0), hits.size() - first);
+      const SortedHits some = hits.subspan(first, count);
+      if (is_staged)
+        SPILLWAY_TRY(gather_ahead(some, bytes));
+      else
+        SPILLWAY_TRY(shade_batch(some, bytes, nullptr));
+      first += count;
     }
-    report.shaded_count += hits.size();
     return {};
   }
 
-  // A batch in the order in which its hits arrived: the blocks that hold it are swept to gather it, unless all are in
+  // Surfaces in the order in which they arrived: the blocks that hold a batch are swept to gather it, unless all are in
   // memory.
-  Status shade_arrived(const SortedHits& hits, RayColumns<PathRecord>& paths, ShadowColumns& shadows,
-                       ShadeHitsReport& report) {
-    const bool resident = attributes_.parts().all_resident();
-    if (resident && out_.touched_blocks == nullptr) return shade_batch(hits, {}, paths, shadows, report);
-    std::vector<uint32_t> by_prim(hits.size());
-    std::iota(by_prim.begin(), by_prim.end(), 0u);
-    const auto prim = [&](uint32_t hit) { return hits[hit].hit.prim; };
-    std::ranges::sort(by_prim, {}, prim);
-    std::vector<uint32_t> blocks;
-    for (const uint32_t hit : by_prim)
-      if (blocks.empty() || prim(hit) >= attributes_.end_prim(blocks.back()))
-        blocks.push_back(attributes_.block_of(prim(hit)));
-    if (out_.touched_blocks) out_.touched_blocks->insert(out_.touched_blocks->end(), blocks.begin(), blocks.end());
-    if (resident) return shade_batch(hits, {}, paths, shadows, report);
-    report.attribute_blocks_touched += blocks.size();
-    gathered_.grow(MemoryTag::paths, kBatchHits);
-    size_t first = 0;
-    SPILLWAY_TRY(attributes_.parts().sweep(blocks, [&](uint32_t block, std::span<const std::byte> bytes) -> Status {
-      const auto from = by_prim.begin() + static_cast<ptrdiff_t>(first);
-      const uint64_t end_prim = attributes_.end_prim(block);
-      const auto end = std::partition_point(from, by_prim.end(), [&](uint32_t hit) { return prim(hit) < end_prim; });
-      first = static_cast<size_t>(end - by_prim.begin());
-      gather_apart(hits, std::span(from, end), bytes);
-      return {};
-    }));
-    is_gathered_ = true;
-    const Status shaded = shade_batch(hits, {}, paths, shadows, report);
-    is_gathered_ = false;
-    return shaded;
+  Status shade_arrived(const SortedHits& surfaces) {
+    if (attributes_.parts().all_resident() && out_.touched_blocks == nullptr) return shade(surfaces, {});
+    for (size_t first = 0; first < surfaces.size(); first += kBatchHits)
+      SPILLWAY_TRY(shade_arrived_batch(surfaces.subspan(first, std::min(kBatchHits, surfaces.size() - first))));
+    return {};
+  }
+
+  // Before hits that do not follow those given so far: shades what was gathered of them.
+  Status shade_rest() {
+    if (filling().count > 0) SPILLWAY_TRY(turn());
+    return shade_gathered(gathered_[1 - filling_]);
   }
 
  private:
@@ -154,82 +125,118 @@ class Shader {
     return append(records, blocks, count, to.cold);
   }
 
-  // Where the triangles of sorted hits lie: neighbours share a segment.
-  void find_triangles(std::span<const HitRecord> hits, std::span<const std::byte> bytes, BlockScratch& scratch) const {
-    uint64_t first_prim = 0, end_prim = 0;  // of the resident block in `bytes`, when there is none given
-    cache::TrianglePlace place;
-    for (size_t i = 0; i < hits.size(); ++i) {
-      const uint32_t prim = hits[i].hit.prim;
-      if (prim >= end_prim || prim < first_prim) {
-        const uint32_t block = attributes_.block_of(prim);
-        first_prim = attributes_.first_prim(block), end_prim = attributes_.end_prim(block);
-        if (const auto resident = attributes_.resident(block); !resident.empty()) bytes = resident;
-      }
-      scratch.places[i] = place = cache::triangle_place(bytes, PrimId{prim}, place);
-      cache::prefetch_indices(place);
-    }
-  }
+  // ---- gathered before they are shaded ----
 
-  // Returns the mesh.
-  uint32_t gather_one(const HitRecord& hit, const cache::TrianglePlace& place, ShadingPoint& point,
-                      FacePoint& face) const {
-    const cache::TriangleAttributes triangle = cache::triangle_attributes(place);
-    Pose moved;
-    const InstanceTransform transform = instance_transform(inputs_, hit, moved);
-    const uint32_t mesh = triangle.mesh.value;
-    const bool flip = inputs_.tables.meshes[mesh].flags & kMeshFlipNormals;
-    point = shading_point(triangle, hit, transform, flip);
-    set_media(inputs_.tables.meshes[mesh], hit.path.medium, point);
-    if (triangle.has_face) {
-      face = face_point(triangle, hit, transform, point.width_world, inputs_.settings.seed);
-      point.face = &face;
-    }
-    return mesh;
-  }
+  GatheredBatch& filling() { return gathered_[filling_]; }
 
-  // Some hits of a batch, ascending, that lie in one block.
-  void gather_apart(const SortedHits& hits, std::span<const uint32_t> which, std::span<const std::byte> bytes) {
-    parallel_blocks(which.size(), kBlockHits, [&](size_t, size_t first, size_t last) {
-      cache::TrianglePlace place;
-      for (const uint32_t hit : which.subspan(first, last - first)) {
-        place = cache::triangle_place(bytes, PrimId{hits[hit].hit.prim}, place);
-        GatheredHit& to = gathered_[hit];
-        to.mesh = gather_one(hits[hit], place, to.point, to.face);
-      }
+  // Hits that follow those gathered so far, as many as there is room for.
+  Status gather_ahead(const SortedHits& hits, std::span<const std::byte> bytes) {
+    GatheredBatch& batch = filling();
+    batch.make_room(kStagedHits);
+    batch.sorted = batch.count == 0 ? hits : batch.sorted.joined(hits);
+    parallel_blocks(hits.size(), kBlockHits, [&](size_t, size_t first, size_t last) {
+      gatherer_.gather(hits.subspan(first, last - first), bytes, scratches_.local().gatherer,
+                       batch.all().from(batch.count + first));
     });
+    batch.count += hits.size();
+    return batch.count == kStagedHits ? turn() : Status{};
   }
 
-  // The hits of a block, the first of them number `first` of the batch.
-  void gather(const SortedHits& sorted, size_t first, std::span<const std::byte> bytes, BlockScratch& scratch) {
-    sorted.copy_to(scratch.hits.data());
-    const std::span<const HitRecord> hits(scratch.hits.data(), sorted.size());
-    if (!is_gathered_) find_triangles(hits, bytes, scratch);
-    for (size_t i = 0; i < hits.size(); ++i) {
-      uint32_t mesh = 0;
-      if (is_gathered_) {
-        const GatheredHit& from = gathered_[first + i];
-        scratch.points[i] = from.point, scratch.face_points[i] = from.face, mesh = from.mesh;
-        if (from.point.face != nullptr) scratch.points[i].face = &scratch.face_points[i];
-      } else {
-        if (i + kPrefetch < hits.size()) cache::prefetch_vertices(scratch.places[i + kPrefetch]);
-        mesh = gather_one(hits[i], scratch.places[i], scratch.points[i], scratch.face_points[i]);
-      }
-      scratch.queries[i] = SurfaceQuery{&hits[i], &scratch.points[i], mesh, true, 0, {}};
-    }
+  Status shade_arrived_batch(const SortedHits& hits) {
+    std::vector<uint32_t> by_prim(hits.size());
+    std::iota(by_prim.begin(), by_prim.end(), 0u);
+    const auto prim = [&](uint32_t hit) { return hits[hit].hit.prim; };
+    std::ranges::sort(by_prim, {}, prim);
+    std::vector<uint32_t> blocks;
+    for (const uint32_t hit : by_prim)
+      if (blocks.empty() || prim(hit) >= attributes_.end_prim(blocks.back()))
+        blocks.push_back(attributes_.block_of(prim(hit)));
+    if (out_.touched_blocks) out_.touched_blocks->insert(out_.touched_blocks->end(), blocks.begin(), blocks.end());
+    if (attributes_.parts().all_resident()) return shade(hits, {});
+    report_.attribute_blocks_touched += blocks.size();
+    GatheredBatch& batch = filling();
+    batch.make_room(kBatchHits);
+    batch.sorted = hits, batch.count = hits.size();
+    size_t first = 0;
+    SPILLWAY_TRY(attributes_.parts().sweep(blocks, [&](uint32_t block, std::span<const std::byte> bytes) -> Status {
+      const auto from = by_prim.begin() + static_cast<ptrdiff_t>(first);
+      const uint64_t end_prim = attributes_.end_prim(block);
+      const auto end = std::partition_point(from, by_prim.end(), [&](uint32_t hit) { return prim(hit) < end_prim; });
+      first = static_cast<size_t>(end - by_prim.begin());
+      const std::span<const uint32_t> which(from, end);
+      parallel_blocks(which.size(), kBlockHits, [&](size_t, size_t begin, size_t last) {
+        gatherer_.gather_apart(hits, which.subspan(begin, last - begin), bytes, batch.all());
+      });
+      return {};
+    }));
+    if (inputs_.stages_face_textures) return turn();
+    return shade_gathered(batch);
   }
 
-  // What the batch will ask of face textures, read in the order of the file. Places in media have none, nor attributes.
-  Status stage_face_textures(const SortedHits& hits, std::span<const std::byte> bytes) {
-    if (hits.front().hit.prim == kMediumPrim) return {};
+  // The batch is gathered: the one before it is shaded while this one's tiles are read, in the order of the file.
+  Status turn() {
+    const std::vector<cache::FaceTextureRequest> requests = face_requests(filling());
+    if (!requests.empty()) SPILLWAY_TRY(inputs_.tables.textures->images()->begin_staging(requests));
+    filling_ = 1 - filling_;
+    SPILLWAY_TRY(shade_gathered(filling()));
+    return requests.empty() ? Status{} : inputs_.tables.textures->images()->finish_staging();
+  }
+
+  // What the batch will ask of face textures.
+  std::vector<cache::FaceTextureRequest> face_requests(GatheredBatch& batch) {
     std::array<std::vector<cache::FaceTextureRequest>, kBatchHits / kBlockHits> of_block;
-    parallel_blocks(hits.size(), kBlockHits, [&](size_t b, size_t first, size_t last) {
-      BlockScratch& scratch = scratches_.local();
-      gather(hits.subspan(first, last - first), first, bytes, scratch);
-      for (size_t i = 0; i < last - first; ++i) inputs_.resolver->append_face_requests(scratch.queries[i], of_block[b]);
+    parallel_blocks(batch.count, kBlockHits, [&](size_t b, size_t first, size_t last) {
+      for (size_t i = first; i < last; ++i)
+        inputs_.resolver->append_face_requests({&batch.hits[i], &batch.points[i], batch.meshes[i], true, 0, {}},
+                                               of_block[b]);
     });
     std::vector<cache::FaceTextureRequest> requests;
     for (const auto& some : of_block) requests.insert(requests.end(), some.begin(), some.end());
-    return requests.empty() ? Status{} : inputs_.tables.textures->images()->stage_faces(requests);
+    return requests;
+  }
+
+  Status shade_gathered(GatheredBatch& batch) {
+    if (batch.count == 0) return {};
+    const Status shaded = shade_batch(batch.sorted, {}, &batch);
+    batch.count = 0;
+    return shaded;
+  }
+
+  // ---- a batch ----
+
+  // gathered: where its hits have been gathered; null: they are, from `bytes`, as they are shaded.
+  Status shade_batch(const SortedHits& hits, std::span<const std::byte> bytes, GatheredBatch* gathered) {
+    std::array<ShadedBlock, kBatchHits / kBlockHits> blocks;
+    parallel_blocks(hits.size(), kBlockHits, [&](size_t b, size_t first, size_t last) {
+      blocks[b] = ShadedBlock{first};
+      shade_block(hits.subspan(first, last - first), bytes, gathered, blocks[b]);
+    });
+    hits_before_ += hits.size();
+    if (!failure_) return failure_.error();
+    const std::span<const ShadedBlock> done = std::span(blocks).first(block_count(hits.size(), kBlockHits));
+    SPILLWAY_TRY(append(out_.path_rays, out_.paths, done, &ShadedBlock::path_count, paths_));
+    SPILLWAY_TRY(append(out_.shadow_rays, out_.shadows, done, &ShadedBlock::shadow_count, shadows_));
+    if (shadows_.ends) SPILLWAY_TRY(append(out_.shadow_ends, done, &ShadedBlock::shadow_count, *shadows_.ends));
+    for (const ShadedBlock& block : done) {
+      report_.path_count += block.path_count, report_.shadow_count += block.shadow_count;
+      report_.let_through_count += block.let_through_count, report_.other_medium_count += block.other_medium_count;
+      report_.rays_of_half[0] += block.rays_of_half[0], report_.rays_of_half[1] += block.rays_of_half[1];
+    }
+    report_.shaded_count += hits.size();
+    return {};
+  }
+
+  // The hits of a block, the first of them number `first` of the batch.
+  std::span<SurfaceQuery> queries_of(const SortedHits& sorted, size_t first, std::span<const std::byte> bytes,
+                                     GatheredBatch* gathered, BlockScratch& scratch) {
+    GatheredHits at{scratch.hits.data(), scratch.points.data(), scratch.face_points.data(), scratch.meshes.data()};
+    if (gathered != nullptr)
+      at = gathered->all().from(first);
+    else
+      gatherer_.gather(sorted, bytes, scratch.gatherer, at);
+    for (size_t i = 0; i < sorted.size(); ++i)
+      scratch.queries[i] = SurfaceQuery{at.hits + i, at.points + i, at.meshes[i], true, 0, {}};
+    return {scratch.queries.data(), sorted.size()};
   }
 
   void let_through(const SurfaceQuery& q, ShadedBlock& out) {
@@ -320,18 +327,18 @@ class Shader {
     }
   }
 
-  void shade_block(const SortedHits& hits, std::span<const std::byte> bytes, ShadedBlock& out) {
+  void shade_block(const SortedHits& hits, std::span<const std::byte> bytes, GatheredBatch* gathered,
+                   ShadedBlock& out) {
     if (hits.front().hit.prim == kMediumPrim) return shade_media(hits, out);
     BlockScratch& scratch = scratches_.local();
     scratch.splats.clear(), scratch.aovs.clear();
-    gather(hits, out.first, bytes, scratch);
-    const std::span queries(scratch.queries.data(), hits.size());
+    const std::span queries = queries_of(hits, out.first, bytes, gathered, scratch);
     scratch.resolver.evaluator.tally = {};
     if (inputs_.costs != nullptr) {
       scratch.lookups.fill(0);
-      for (size_t i = 0; i < hits.size(); ++i)
-        scratch.users[i] = PixelCosts::tile_user(hits_before_ + out.first + i, scratch.hits[i].path.sink);
-      scratch.resolver.evaluator.tally = {scratch.points.data(), scratch.lookups, scratch.users};
+      for (size_t i = 0; i < queries.size(); ++i)
+        scratch.users[i] = PixelCosts::tile_user(hits_before_ + out.first + i, queries[i].hit->path.sink);
+      scratch.resolver.evaluator.tally = {queries.front().point, scratch.lookups, scratch.users};
     }
     if (const Status status = inputs_.resolver->resolve(queries, scratch.resolver); !status) return fail(status);
     if (inputs_.costs != nullptr) add_costs(queries, scratch);
@@ -349,11 +356,15 @@ class Shader {
   const ShadeInputs& inputs_;
   AttributeStore& attributes_;
   Film& film_;
+  RayColumns<PathRecord>& paths_;
+  ShadowColumns& shadows_;
   ShadeHitsScratch& out_;
+  ShadeHitsReport& report_;
+  HitGatherer gatherer_;
   tbb::enumerable_thread_specific<BlockScratch> scratches_;
-  Buffer<GatheredHit> gathered_;  // by hit of the batch, where
-  bool is_gathered_ = false;      // else hits are gathered as they are shaded
-  uint64_t hits_before_ = 0;      // of this wave, in earlier batches
+  std::array<GatheredBatch, 2> gathered_;  // one that is being gathered; and, tiles being staged, the one before
+  size_t filling_ = 0;
+  uint64_t hits_before_ = 0;  // of this wave, in earlier batches
   std::mutex failure_mutex_;
   Status failure_;
 };
@@ -380,18 +391,12 @@ AovRecord first_hit_aovs(const SurfaceQuery& q) {
 Status shade_hits(const ShadeInputs& inputs, cache::ExternalSort<HitRecord>& hits, AttributeStore& attributes,
                   Film& film, RayColumns<PathRecord>& next_paths, ShadowColumns& next_shadows,
                   ShadeHitsScratch& scratch, ShadeHitsReport& report) {
-  Shader shader(inputs, attributes, film, scratch);
-  const auto shade_range = [&](const SortedHits& range, std::span<const std::byte> bytes) -> Status {
-    for (size_t first = 0; first < range.size(); first += kBatchHits)
-      SPILLWAY_TRY(shader.shade_batch(range.subspan(first, std::min(kBatchHits, range.size() - first)), bytes,
-                                      next_paths, next_shadows, report));
-    return {};
-  };
+  Shader shader(inputs, attributes, film, next_paths, next_shadows, scratch, report);
   // The blocks of sorted hits follow each other in the file, forwards or backwards.
   const bool descends = inputs.hits_descend;
   const auto shade_run = [&](const SortedHits& all) -> Status {
     const auto [on_surfaces, in_media] = surfaces_and_media(all, descends);
-    SPILLWAY_TRY(shade_range(in_media, {}));
+    SPILLWAY_TRY(shader.shade(in_media, {}));
     SortedHits run = on_surfaces;
     if (run.empty()) return {};
     const bool resident = attributes.parts().all_resident();
@@ -400,20 +405,23 @@ Status shade_hits(const ShadeInputs& inputs, cache::ExternalSort<HitRecord>& hit
                                              : blocks_touched(run, attributes, descends);
     if (scratch.touched_blocks)
       scratch.touched_blocks->insert(scratch.touched_blocks->end(), blocks.begin(), blocks.end());
-    if (resident) return shade_range(run, {});
+    if (resident) {
+      SPILLWAY_TRY(shader.shade(run, {}));
+      return shader.shade_rest();
+    }
     report.attribute_blocks_touched += blocks.size();
-    return attributes.parts().sweep(blocks, [&](uint32_t block, std::span<const std::byte> bytes) -> Status {
+    SPILLWAY_TRY(attributes.parts().sweep(blocks, [&](uint32_t block, std::span<const std::byte> bytes) -> Status {
       const auto in_block = run.first(hits_in_block(run, attributes, block, descends));
       run = run.subspan(in_block.size());
-      return shade_range(in_block, bytes);
-    });
+      return shader.shade(in_block, bytes);
+    }));
+    return shader.shade_rest();
   };
   const auto shade_unsorted = [&](const SortedHits& all) -> Status {
     const auto [surfaces, in_media] = surfaces_and_media(all, false);
-    for (size_t first = 0; first < surfaces.size(); first += kBatchHits)
-      SPILLWAY_TRY(shader.shade_arrived(surfaces.subspan(first, std::min(kBatchHits, surfaces.size() - first)),
-                                        next_paths, next_shadows, report));
-    return shade_range(in_media, {});
+    SPILLWAY_TRY(shader.shade_arrived(surfaces));
+    SPILLWAY_TRY(shader.shade_rest());
+    return shader.shade(in_media, {});
   };
   for (size_t p = 0; p < hits.partition_count(); ++p) {
     SPILLWAY_ASSIGN(const SortedHits partition, hits.partition(p));

@@ -5,7 +5,8 @@
 // In: sorted hits, partition by partition; attribute blocks, read in file order or against it, each once a wave.
 // Out: path and shadow rays of the next wave, hot and cold columns; splats and AOVs -> film.
 // Memory: one batch of outputs (ShadeHitsScratch, tag paths); the next wave's columns spill as planned. A batch of hits
-// that are not sorted, of attributes that do not fit, is gathered first: 3 MiB more.
+// that are not sorted, of attributes that do not fit, is gathered first: 4 MiB more; so are two half as large where tiles
+// of face textures are read ahead.
 // Order: outputs are appended in the order of hits; a vertex depends on its own records alone.
 // Based on: deferred, sorted shading (Eisenacher et al. 2013, section 4).
 
@@ -49,7 +50,7 @@ struct ShadeInputs {
   bool hits_are_sorted = true;        // else in the order in which they arrived, those in media last (ablation)
   bool hits_come_in_runs = false;     // the sorted ones: those of one batch of rays after the other (ablation)
   bool hits_descend = false;          // this wave's sorted hits come from the last to the first
-  bool stages_face_textures = false;  // reads their tiles ahead, a batch at a time: some are not in memory
+  bool stages_face_textures = false;  // reads their tiles, of a batch at a time, while the batch before is shaded
 };
 
 // Reused from wave to wave.

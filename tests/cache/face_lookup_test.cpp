@@ -303,6 +303,38 @@ TEST_F(FaceLookupTest, values_do_not_depend_on_the_budget_or_on_reading_ahead_an
   EXPECT_GT(cache_->limit_for_waves(), uint64_t{3} << 20);
 }
 
+TEST_F(FaceLookupTest, what_is_read_while_others_look_up_is_read_once_and_found) {
+  const FaceGrid grid(8, 8);
+  open(grid, grid.faces([](uint32_t) { return all_of(6); }),
+       [](double x, double y, uint32_t c) { return std::fmod(x * 37.7 + y * 91.3 + c, 1.0); });
+  std::vector<FaceTextureRequest> requests;
+  for (uint32_t i = 0; i < 64 * 32; ++i)
+    requests.push_back({0, i / 32, 0.5f, 0.5f, 0, 0, 0, FaceLevelChoice::stochastic});
+  std::vector<Texel> wanted(requests.size()), got(requests.size());
+  ASSERT_TRUE(cache_->look_up_faces(requests, wanted));
+  const uint64_t touched = cache_->counters().tiles_touched;
+  reopen(FaceShape::quad, 64, 3, 8 << 20);
+  cache_->begin_wave();
+  // Batches overlap by half: what is staged for one is not read again for the next.
+  constexpr size_t kStep = 128, kBatch = 2 * kStep;
+  const auto batch = [&](size_t first) {
+    return std::span(requests).subspan(first, std::min(kBatch, requests.size() - first));
+  };
+  ASSERT_TRUE(cache_->stage_faces(batch(0)));
+  for (size_t first = 0; first < requests.size(); first += kStep) {
+    const size_t next = std::min(first + kStep, requests.size());
+    if (next < requests.size()) {
+      ASSERT_TRUE(cache_->begin_staging(batch(next)));
+    }
+    ASSERT_TRUE(cache_->look_up_faces(batch(first), std::span(got).subspan(first)));
+    ASSERT_TRUE(cache_->finish_staging());
+  }
+  EXPECT_EQ(std::memcmp(wanted.data(), got.data(), wanted.size() * sizeof(Texel)), 0);
+  const TextureCounters now = cache_->counters();
+  EXPECT_EQ(now.tiles_read, touched);
+  EXPECT_EQ(now.bytes_read, now.unique_bytes);
+}
+
 TEST_F(FaceLookupTest, a_face_that_there_is_not_is_an_error) {
   const FaceGrid grid(1, 1);
   open(grid, grid.faces([](uint32_t) { return all_of(2); }), ramp);
