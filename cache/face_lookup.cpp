@@ -21,7 +21,8 @@ struct Gather {
     const std::byte* tile = thread.tile(*texture.tiles, f.image_index, 0, x, y,
                                         texture.tiles->first_tile + f.image->tile_at(x, y), texture.owner);
     if (tile == nullptr) return nullptr;
-    return tile + ((y % kFaceTileSize) * kFaceTileSize + x % kFaceTileSize) * texture.file->format().texel_bytes();
+    const uint32_t log2 = f.image->tile_log2, in_tile = (1u << log2) - 1;
+    return tile + ((y & in_tile) << log2 | (x & in_tile)) * texture.file->format().texel_bytes();
   }
   void add(const std::byte* at, float share) {
     for (uint32_t c = 0; c < texture.file->format().channels; ++c) sum[c] += share * texture.decoder->value(at, c);
@@ -51,10 +52,11 @@ bool Gather::quad(uint32_t face, uint32_t level, float u, float v) {
   const bool inside = i >= 0 && j >= 0 && i + 1 < width && j + 1 < height;
   if (inside && !f.is_constant) {
     const uint32_t px = f.x0 + static_cast<uint32_t>(i), py = f.y0 + static_cast<uint32_t>(j);
-    if (px % kFaceTileSize != kFaceTileSize - 1 && py % kFaceTileSize != kFaceTileSize - 1) {
+    const uint32_t last = (1u << f.image->tile_log2) - 1;
+    if ((px & last) != last && (py & last) != last) {
       const std::byte* at = texel(f, static_cast<uint32_t>(i), static_cast<uint32_t>(j));
       if (at == nullptr) return false;
-      const size_t right = texture.file->format().texel_bytes(), up = right * kFaceTileSize;
+      const size_t right = texture.file->format().texel_bytes(), up = right << f.image->tile_log2;
       add(at, shares[0]), add(at + right, shares[1]), add(at + up, shares[2]), add(at + up + right, shares[3]);
       return true;
     }
@@ -219,8 +221,9 @@ void append_face_tiles(const FaceTexture& texture, const FaceTextureRequest& req
     const uint32_t x = f.x0 + place(request.u, width), y = f.y0 + place(request.v, height);
     tiles.push_back(f.image->tile_at(x, y));
     // The blend reaches one texel further.
-    const bool more_x = x % kFaceTileSize == kFaceTileSize - 1 && x + 1 < f.x0 + (1u << f.ulog2);
-    const bool more_y = y % kFaceTileSize == kFaceTileSize - 1 && y + 1 < f.y0 + (1u << f.vlog2);
+    const uint32_t last = (1u << f.image->tile_log2) - 1;
+    const bool more_x = (x & last) == last && x + 1 < f.x0 + (1u << f.ulog2);
+    const bool more_y = (y & last) == last && y + 1 < f.y0 + (1u << f.vlog2);
     if (more_x) tiles.push_back(f.image->tile_at(x + 1, y));
     if (more_y) tiles.push_back(f.image->tile_at(x, y + 1));
     if (more_x && more_y) tiles.push_back(f.image->tile_at(x + 1, y + 1));

@@ -43,7 +43,7 @@ struct FaceTexture {
   uint32_t owner = 0;  // of the counters
   // Of quads of eight bits, for the path that most lookups take: what each number of a channel is.
   bool is_bytes = false;
-  uint32_t channels = 0;
+  uint32_t channels = 0, tile_log2 = 0;
   std::array<const float*, 4> byte_tables = {};
   void choose_tables();
 };

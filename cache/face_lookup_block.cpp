@@ -61,22 +61,22 @@ void find_inside(const FaceTexture& t, const FaceTextureRequest& request, FaceIn
   const int i = static_cast<int>(floor_x), j = static_cast<int>(floor_y);
   if (i < 0 || j < 0 || i >= face.last_i || j >= face.last_j) return;
   found.x = face.x0 + static_cast<uint32_t>(i), found.y = face.y0 + static_cast<uint32_t>(j);
-  const uint32_t in_x = found.x % kFaceTileSize, in_y = found.y % kFaceTileSize;
-  if (in_x == kFaceTileSize - 1 || in_y == kFaceTileSize - 1) return;
+  const uint32_t last = (1u << t.tile_log2) - 1, in_x = found.x & last, in_y = found.y & last;
+  if (in_x == last || in_y == last) return;
   const float fx = x - floor_x, fy = y - floor_y;
   found.inside = true;
   found.shares[0] = (1 - fx) * (1 - fy), found.shares[1] = fx * (1 - fy);
   found.shares[2] = (1 - fx) * fy, found.shares[3] = fx * fy;
   found.image_index = face.image_index;
-  found.tile = face.first_tile + uint64_t{found.y / kFaceTileSize} * face.tiles_across + found.x / kFaceTileSize;
-  found.offset = (in_y * kFaceTileSize + in_x) * t.channels;
+  found.tile = face.first_tile + uint64_t{found.y >> t.tile_log2} * face.tiles_across + (found.x >> t.tile_log2);
+  found.offset = (in_y << t.tile_log2 | in_x) * t.channels;
 }
 
 // Sums as Gather::add makes them, channel by channel.
 template <uint32_t kChannels>
 Texel sum_of_four(const FaceTexture& t, const std::byte* at, const float* shares) {
-  constexpr size_t kUp = kFaceTileSize * kChannels;
-  const std::byte* const texels[4] = {at, at + kChannels, at + kUp, at + kUp + kChannels};
+  const size_t up = size_t{kChannels} << t.tile_log2;
+  const std::byte* const texels[4] = {at, at + kChannels, at + up, at + up + kChannels};
   const float scale = 1 / (shares[0] + shares[1] + shares[2] + shares[3]);
   float sum[kChannels];
   for (uint32_t c = 0; c < kChannels; ++c) {
@@ -112,7 +112,7 @@ void prefetch(const TileThread& thread, const FaceTexture& t, const Inside& foun
   const std::byte* const tile = found.inside ? thread.at_hand(found.tile) : nullptr;
   if (tile == nullptr) return;
   __builtin_prefetch(tile + found.offset);
-  __builtin_prefetch(tile + found.offset + size_t{kFaceTileSize} * t.channels);
+  __builtin_prefetch(tile + found.offset + (size_t{t.channels} << t.tile_log2));
 }
 
 void prefetch_face(const FaceTexture& t, uint32_t face) {
@@ -124,7 +124,7 @@ void prefetch_face(const FaceTexture& t, uint32_t face) {
 }  // namespace
 
 void FaceTexture::choose_tables() {
-  channels = file->format().channels;
+  channels = file->format().channels, tile_log2 = file->format().tile_log2;
   is_bytes = texture->shape == FaceShape::quad && file->format().type == FaceTexelType::uint8;
   for (uint32_t c = 0; is_bytes && c < channels; ++c) byte_tables[c] = decoder->byte_table(c);
 }

@@ -9,7 +9,7 @@
 namespace spillway::cache {
 namespace {
 
-constexpr uint64_t kLargestHeight = (1u << 31) - kFaceTileSize;  // of an image, as OpenImageIO counts
+constexpr uint64_t kLargestHeight = (1u << 31) - (1u << kMostFaceTileLog2);  // of an image, as OpenImageIO counts
 
 uint64_t aligned8(uint64_t n) { return (n + 7) / 8 * 8; }
 
@@ -40,24 +40,25 @@ std::span<const std::byte> take(std::span<const std::byte> from, MemoryTag tag, 
 bool is_format(const FaceTexFormat& f) {
   return f.type <= FaceTexelType::float32 && f.channels >= 1 && f.channels <= 4 && f.alpha_channel >= -1 &&
          f.alpha_channel < static_cast<int32_t>(f.channels) && f.encoding <= FaceTexEncoding::gamma &&
-         f.codec <= FaceTexCodec::zstd && std::isfinite(f.gamma) && f.gamma > 0 &&
+         f.codec <= FaceTexCodec::zstd && f.tile_log2 >= kLeastFaceTileLog2 && f.tile_log2 <= kMostFaceTileLog2 && std::isfinite(f.gamma) && f.gamma > 0 &&
          (f.type <= FaceTexelType::uint16 || f.encoding == FaceTexEncoding::linear);
 }
 
 }  // namespace
 
-bool append_images(uint32_t class_index, const FaceTexClass& of, std::vector<FaceTexImage>& images) {
+bool append_images(uint32_t class_index, const FaceTexClass& of, uint32_t tile_log2,
+                   std::vector<FaceTexImage>& images) {
   for (uint32_t level = 0; level <= std::max(of.ulog2, of.vlog2); ++level) {
     FaceTexImage image;
     image.class_index = class_index, image.level = level;
     image.ulog2 = reduced_log2(of.ulog2, level), image.vlog2 = reduced_log2(of.vlog2, level);
-    image.face_count = of.face_count;
-    image.width = std::max(kFaceTileSize, 1u << image.ulog2);
+    image.face_count = of.face_count, image.tile_log2 = tile_log2;
+    image.width = std::max(1u << tile_log2, 1u << image.ulog2);
     const uint64_t rows = (of.face_count + image.faces_per_row() - 1) / image.faces_per_row();
     if (rows > kLargestHeight >> image.vlog2) return false;
     image.height = static_cast<uint32_t>(rows << image.vlog2);
     image.first_tile = images.empty() ? 0 : images.back().first_tile + images.back().tile_count;
-    image.tile_count = uint64_t{(image.height + kFaceTileSize - 1) / kFaceTileSize} * image.tiles_across();
+    image.tile_count = (((uint64_t{image.height} - 1) >> tile_log2) + 1) * image.tiles_across();
     images.push_back(image);
   }
   return true;
@@ -100,7 +101,7 @@ Status FaceTexFile::read_trailer(FaceTexTrailer& trailer) const {
     return damaged(at, "the file is cut short");
   if (trailer.checksum != trailer_checksum(trailer)) return damaged(at, "the checksum of the trailer does not match");
   if (!is_format(trailer.format))
-    return damaged(at + offsetof(FaceTexTrailer, format), "the kind of texels is unknown");
+    return damaged(at + offsetof(FaceTexTrailer, format), "the kind of texels or the size of tiles is unknown");
   const uint64_t most = at / sizeof(FaceTexTile);
   const bool counts = trailer.texture_count <= most && trailer.class_count <= 256 && trailer.face_count <= at / 24 &&
                       trailer.tile_count <= most && trailer.textures_offset >= sizeof front &&
@@ -139,7 +140,7 @@ Status FaceTexFile::make_images(const FaceTexTrailer& trailer) {
     if (of.face_count == 0 || of.face_count > faces_.size())
       return damaged(offset, fmt::format("a class of {} faces", of.face_count));
     image_of_[of.ulog2 << 4 | of.vlog2] = static_cast<uint32_t>(images_.size());
-    if (!append_images(c, of, images_)) return damaged(offset, "a class is larger than an image can be");
+    if (!append_images(c, of, format_.tile_log2, images_)) return damaged(offset, "a class is larger than an image can be");
     faces += of.face_count;
   }
   if (faces != faces_.size())
@@ -219,16 +220,16 @@ Result<std::vector<std::byte>> FaceTexFile::texels(const FaceTexTexture& texture
   const FaceTexImage& image = images_[first_image(info) + (is_constant ? 0 : level)];
   const uint32_t number = numbers(texture)[face], x0 = image.x_of(number), y0 = image.y_of(number);
   const uint32_t width = 1u << image.ulog2, height = 1u << image.vlog2;
-  const size_t texel = format_.texel_bytes();
+  const size_t texel = format_.texel_bytes(), edge = format_.tile_edge();
   std::vector<std::byte> out(size_t{width} * height * texel), tile(format_.tile_bytes());
-  const uint32_t step_x = std::min(width, kFaceTileSize), step_y = std::min(height, kFaceTileSize);
+  const auto step_x = std::min<uint32_t>(width, edge), step_y = std::min<uint32_t>(height, edge);
   for (uint32_t y = 0; y < height; y += step_y)
     for (uint32_t x = 0; x < width; x += step_x) {
       const uint32_t at_x = x0 + x, at_y = y0 + y;
       SPILLWAY_TRY(read_tile(image.tile_at(at_x, at_y), tile));
       for (uint32_t row = 0; row < step_y; ++row)
         std::memcpy(out.data() + (size_t{y + row} * width + x) * texel,
-                    tile.data() + ((size_t{at_y + row} % kFaceTileSize) * kFaceTileSize + at_x % kFaceTileSize) * texel,
+                    tile.data() + ((at_y + row) % edge * edge + at_x % edge) * texel,
                     step_x * texel);
     }
   return out;

@@ -20,8 +20,9 @@
 // A class holds the faces of one size; constant faces are in class (0, 0), whatever their size. It has an image for
 // each level 0 .. max(ulog2, vlog2), in which each of its faces has 2^max(ulog2-level, 0) x 2^max(vlog2-level, 0)
 // texels. Images lie one after the other, by class, then level. Face number n of an image whose faces have w x h texels
-// has its texel (0, 0) in column (n % per_row) * w and row n / per_row * h, where per_row = max(1, 64 / w). The image
-// is max(w, 64) texels wide and cut into tiles of 64 x 64; beyond the last face tiles are zero.
+// has its texel (0, 0) in column (n % per_row) * w and row n / per_row * h, where per_row = max(1, edge / w) of a tile's
+// edge, which is 32, 64 or 128. The image is max(w, edge) texels wide and cut into tiles of edge x edge; beyond the last
+// face tiles are zero.
 
 #include <cstdint>
 #include <filesystem>
@@ -37,8 +38,9 @@
 namespace spillway::cache {
 
 inline constexpr char kFaceTexMagic[8] = {'S', 'P', 'W', 'F', 'T', 'E', 'X', '\n'};
-inline constexpr uint32_t kFaceTexVersion = 1;
-inline constexpr uint32_t kFaceTileSize = 64;
+inline constexpr uint32_t kFaceTexVersion = 2;
+// Of the edges that tiles may have; 64 texels are what is chosen by measurement (bench/RESULTS.md).
+inline constexpr uint32_t kLeastFaceTileLog2 = 5, kFaceTileLog2 = 6, kMostFaceTileLog2 = 7;
 
 // How texels are to be understood: linear = texel, the sRGB curve of it, or texel^gamma. Alpha and floats are linear.
 enum class FaceTexEncoding : uint32_t { linear, srgb, gamma };
@@ -50,10 +52,12 @@ struct FaceTexFormat {
   FaceTexEncoding encoding = FaceTexEncoding::linear;
   float gamma = 1;  // of FaceTexEncoding::gamma
   FaceTexCodec codec = FaceTexCodec::lz4;
+  uint32_t tile_log2 = kFaceTileLog2;  // of a tile's edge; lookups have the same bits whatever it is
   auto operator<=>(const FaceTexFormat&) const = default;
 
   [[nodiscard]] uint32_t texel_bytes() const { return channels * texel_type_bytes(type); }
-  [[nodiscard]] size_t tile_bytes() const { return size_t{kFaceTileSize} * kFaceTileSize * texel_bytes(); }
+  [[nodiscard]] uint32_t tile_edge() const { return 1u << tile_log2; }
+  [[nodiscard]] size_t tile_bytes() const { return size_t{texel_bytes()} << 2 * tile_log2; }
 };
 
 struct FaceTexFront {
@@ -92,12 +96,12 @@ struct FaceTexTrailer {
   uint64_t textures_offset;
   uint64_t face_count, tile_count;
   uint32_t texture_count, class_count;
-  FaceTexFormat format;  // 24 bytes
+  FaceTexFormat format;  // 28 bytes
   uint32_t version;
-  uint32_t reserved[7];
+  uint32_t reserved[6];
   char magic[8];
 };
-static_assert(sizeof(FaceTexFormat) == 24 && sizeof(FaceTexTrailer) == 112);
+static_assert(sizeof(FaceTexFormat) == 28 && sizeof(FaceTexTrailer) == 112);
 
 // One level of one class.
 struct FaceTexImage {
@@ -106,23 +110,25 @@ struct FaceTexImage {
   uint64_t face_count = 0;
   uint32_t width = 0, height = 0;  // texels
   uint64_t first_tile = 0, tile_count = 0;
+  uint32_t tile_log2 = kFaceTileLog2;
 
-  [[nodiscard]] uint32_t tiles_across() const { return width / kFaceTileSize; }
+  [[nodiscard]] uint32_t tiles_across() const { return width >> tile_log2; }
   [[nodiscard]] uint32_t faces_per_row() const { return 1u << faces_per_row_log2(); }
-  [[nodiscard]] uint32_t faces_per_row_log2() const { return ulog2 < 6 ? 6 - ulog2 : 0; }  // 64 texels across
+  [[nodiscard]] uint32_t faces_per_row_log2() const { return ulog2 < tile_log2 ? tile_log2 - ulog2 : 0; }
   // Of a face's texel (0, 0).
   [[nodiscard]] uint32_t x_of(uint32_t number) const { return (number & (faces_per_row() - 1)) << ulog2; }
   [[nodiscard]] uint32_t y_of(uint32_t number) const { return number >> faces_per_row_log2() << vlog2; }
   // The tile, of the file, that texel (x, y) lies in.
   [[nodiscard]] uint64_t tile_at(uint32_t x, uint32_t y) const {
-    return first_tile + uint64_t{y / kFaceTileSize} * tiles_across() + x / kFaceTileSize;
+    return first_tile + uint64_t{y >> tile_log2} * tiles_across() + (x >> tile_log2);
   }
 };
 
 [[nodiscard]] constexpr uint32_t reduced_log2(uint32_t log2, uint32_t level) { return log2 > level ? log2 - level : 0; }
 
 // The images of a class; false when one would be larger than images can be.
-[[nodiscard]] bool append_images(uint32_t class_index, const FaceTexClass& of, std::vector<FaceTexImage>& images);
+[[nodiscard]] bool append_images(uint32_t class_index, const FaceTexClass& of, uint32_t tile_log2,
+                                 std::vector<FaceTexImage>& images);
 
 class FaceTexFile {
  public:

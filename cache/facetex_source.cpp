@@ -101,7 +101,7 @@ class FaceTexInput final : public OIIO::ImageInput {
     const FaceTexImage& image = source_->file().images()[static_cast<size_t>(subimage)];
     OIIO::ImageSpec spec(static_cast<int>(image.width), static_cast<int>(image.height),
                          static_cast<int>(format.channels), type_of(format.type));
-    spec.tile_width = spec.tile_height = static_cast<int>(kFaceTileSize);
+    spec.tile_width = spec.tile_height = static_cast<int>(format.tile_edge());
     spec.alpha_channel = format.alpha_channel;
     spec.attribute("oiio:subimages", static_cast<int>(source_->file().images().size()));
     spec.attribute("oiio:subimagename",

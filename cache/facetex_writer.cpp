@@ -21,7 +21,7 @@ struct FaceTexWriter::Image {
 
   // Rows that are put together before they become tiles: of tiles, or of faces where several stand side by side.
   [[nodiscard]] uint32_t band_rows() const {
-    return layout.faces_per_row() > 1 ? std::max(kFaceTileSize, 1u << layout.vlog2) : kFaceTileSize;
+    return layout.faces_per_row() > 1 ? std::max(1u << layout.tile_log2, 1u << layout.vlog2) : 1u << layout.tile_log2;
   }
 };
 
@@ -34,6 +34,8 @@ Result<std::unique_ptr<FaceTexWriter>> FaceTexWriter::create(const std::filesyst
                                                              const FaceTexFormat& format, IoPurpose purpose) {
   SPILLWAY_CHECK(format.channels, >=, 1u);
   SPILLWAY_CHECK(format.channels, <=, 4u);
+  SPILLWAY_CHECK(format.tile_log2, >=, kLeastFaceTileLog2);
+  SPILLWAY_CHECK(format.tile_log2, <=, kMostFaceTileLog2);
   SPILLWAY_ASSIGN(WriteFile file, WriteFile::create(path, purpose));
   FaceTexFront front{};
   std::memcpy(front.magic, kFaceTexMagic, sizeof front.magic);
@@ -82,7 +84,7 @@ std::vector<std::unique_ptr<FaceTexWriter::Image>>& FaceTexWriter::class_of(cons
   auto& levels = classes_[{ulog2, vlog2}];
   if (!levels.empty()) return levels;
   std::vector<FaceTexImage> images;
-  SPILLWAY_CHECK(append_images(0, {ulog2, vlog2, 1}, images), ==, true);
+  SPILLWAY_CHECK(append_images(0, {ulog2, vlog2, 1}, format_.tile_log2, images), ==, true);
   for (const FaceTexImage& layout : images) {
     levels.push_back(std::make_unique<Image>());
     levels.back()->layout = layout;
@@ -162,11 +164,12 @@ Status FaceTexWriter::put_face(Image& image, uint32_t number, std::span<const st
 }
 
 Status FaceTexWriter::put_band(Image& image) {
-  const size_t tile_row = kFaceTileSize * format_.texel_bytes(), row_bytes = image.layout.width * format_.texel_bytes();
-  for (uint32_t y = 0; y < image.band_rows(); y += kFaceTileSize)
+  const uint32_t edge = format_.tile_edge();
+  const size_t tile_row = edge * format_.texel_bytes(), row_bytes = image.layout.width * format_.texel_bytes();
+  for (uint32_t y = 0; y < image.band_rows(); y += edge)
     for (uint32_t t = 0; t < image.layout.tiles_across(); ++t) {
       RawTile tile{&image, std::vector<std::byte>(format_.tile_bytes())};
-      for (uint32_t row = 0; row < kFaceTileSize; ++row)
+      for (uint32_t row = 0; row < edge; ++row)
         std::memcpy(tile.texels.data() + row * tile_row, image.texels.data() + (y + row) * row_bytes + t * tile_row, tile_row);
       batch_.push_back(std::move(tile));
       batch_bytes_ += format_.tile_bytes();
@@ -221,7 +224,7 @@ Status FaceTexWriter::finish() {
   for (auto& [size, levels] : classes_) {
     classes.push_back({size.first, size.second, levels.front()->face_count});
     std::vector<FaceTexImage> layout;
-    if (!append_images(0, classes.back(), layout))
+    if (!append_images(0, classes.back(), format_.tile_log2, layout))
       return error("a class of faces is larger than an image can be; use more files");
     for (auto& image : levels) {
       SPILLWAY_TRY(write_chunk(*image));

@@ -38,8 +38,6 @@ struct ImageInfo {
   uint64_t not_finite;   // 1 + the number of the first texel that came infinite or as no number; 0: there is none
 };
 
-inline constexpr uint32_t kTileSize = 64;
-
 // Sizes of a level: halved and rounded down, at least one.
 [[nodiscard]] constexpr uint32_t level_size(uint32_t size, uint32_t level) {
   return size >> level > 0 ? size >> level : 1;

@@ -167,7 +167,7 @@ TileCache::~TileCache() {
 
 Result<TileFile> TileCache::add_image(const std::string& path, const ImageShape& shape, uint64_t tile_count) {
   TileFile file{path, nullptr, tile_count_,
-                uint64_t{kFaceTileSize} * kFaceTileSize * shape.channels * shape.texel_bytes, nullptr};
+                uint64_t{kTileSize} * kTileSize * shape.channels * shape.texel_bytes, nullptr};
   process_cache().add_file(OIIO::ustring(path), make_counted_input);
   file.handle = process_cache().get_image_handle(OIIO::ustring(path));
   paths_.push_back(path);
@@ -177,8 +177,8 @@ Result<TileFile> TileCache::add_image(const std::string& path, const ImageShape&
     return error("{}: the packed image cannot be opened: {}; pack the scene again", path, failure());
   const bool same = spec.width == static_cast<int>(shape.width) && spec.height == static_cast<int>(shape.height) &&
                     spec.nchannels == static_cast<int>(shape.channels) &&
-                    spec.tile_width == static_cast<int>(kFaceTileSize) &&
-                    spec.tile_height == static_cast<int>(kFaceTileSize) && spec.format.size() == shape.texel_bytes;
+                    spec.tile_width == static_cast<int>(kTileSize) &&
+                    spec.tile_height == static_cast<int>(kTileSize) && spec.format.size() == shape.texel_bytes;
   if (!same) return error("{}: is not the image the manifest describes; pack the scene again", path);
   tile_count_ += tile_count, largest_tile_bytes_ = std::max(largest_tile_bytes_, file.tile_bytes);
   return file;

@@ -24,6 +24,8 @@
 
 namespace spillway::cache {
 
+inline constexpr uint32_t kTileSize = 64;  // of packed images; files of face textures have theirs
+
 // Bytes are those in files: compressed where tiles are. A tile that several textures share counts for the one that
 // touches it first.
 struct TextureCounters {

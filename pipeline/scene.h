@@ -244,7 +244,7 @@ inline constexpr const char* kAttributesFile = "attributes.blocks";
 inline constexpr const char* kVolumesFile = "volumes.bricks";
 inline constexpr const char* kTexturesDirectory = "textures";
 inline constexpr const char* kStoreKind = "SPWSTORE";
-inline constexpr uint32_t kStoreVersion = 15;
+inline constexpr uint32_t kStoreVersion = 16;
 
 // Section names of the manifest. Arrays of the struct named.
 namespace section {

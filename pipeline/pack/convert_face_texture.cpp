@@ -36,7 +36,7 @@ Status pack_one(const fs::path& from, const fs::path& to, const ConvertOptions& 
   Status done;
   std::error_code code;
   {
-    FaceTexturePacker packer(folder, UINT64_MAX, options.codec);
+    FaceTexturePacker packer(folder, UINT64_MAX, options.codec, cache::kFaceTileLog2);
     const auto added = packer.add_file(from, options.encoding);
     if (!added) done = added.error();
     if (added)
@@ -109,6 +109,7 @@ std::string description(const FaceTexFile& file) {
   const FaceTexFormat& f = file.format();
   const json text = {{"type", static_cast<int>(f.type)},           {"alpha", f.alpha_channel},
                      {"encoding", static_cast<int>(f.encoding)},   {"gamma", f.gamma},
+                     {"tile_log2", f.tile_log2},
                      {"shape", static_cast<int>(t.shape)},         {"u_border", static_cast<int>(t.u_border)},
                      {"v_border", static_cast<int>(t.v_border)},   {"name", std::string(t.name)},
                      {"faces", hex(std::as_bytes(file.faces(t)))}, {"numbers", hex(std::as_bytes(file.numbers(t)))}};
@@ -118,17 +119,18 @@ std::string description(const FaceTexFile& file) {
 Result<std::vector<float>> decoded_image(const FaceTexFile& file, const cache::FaceTexDecoder& decoder,
                                          const FaceTexImage& image) {
   const FaceTexFormat& format = file.format();
+  const uint32_t edge = format.tile_edge();
   std::vector<float> values(size_t{image.width} * image.height * format.channels);
   std::vector<std::byte> tile(format.tile_bytes());
   for (uint64_t t = 0; t < image.tile_count; ++t) {
     SPILLWAY_TRY(file.read_tile(image.first_tile + t, tile));
-    const auto x0 = static_cast<uint32_t>(t % image.tiles_across()) * cache::kFaceTileSize;
-    const auto y0 = static_cast<uint32_t>(t / image.tiles_across()) * cache::kFaceTileSize;
-    for (uint32_t y = 0; y < cache::kFaceTileSize && y0 + y < image.height; ++y)
-      for (uint32_t x = 0; x < cache::kFaceTileSize; ++x)
+    const auto x0 = static_cast<uint32_t>(t % image.tiles_across()) * edge;
+    const auto y0 = static_cast<uint32_t>(t / image.tiles_across()) * edge;
+    for (uint32_t y = 0; y < edge && y0 + y < image.height; ++y)
+      for (uint32_t x = 0; x < edge; ++x)
         for (uint32_t c = 0; c < format.channels; ++c)
           values[(size_t{y0 + y} * image.width + x0 + x) * format.channels + c] =
-              decoder.value(tile.data() + (size_t{y} * cache::kFaceTileSize + x) * format.texel_bytes(), c);
+              decoder.value(tile.data() + (size_t{y} * edge + x) * format.texel_bytes(), c);
   }
   return values;
 }
@@ -186,14 +188,17 @@ Status read_description(const std::string& text, const fs::path& path, Described
   const int type = whole("type", 3), alpha = whole("alpha", 3), encoding = whole("encoding", 2),
             shape = whole("shape", 1);
   const int u_border = whole("u_border", 2), v_border = whole("v_border", 2);
+  const int tile_log2 = whole("tile_log2", cache::kMostFaceTileLog2);
   const auto bad = [&] { return error("{}: its attribute '{}' is damaged", path.string(), kAttribute); };
-  if (std::min({type, encoding, shape, u_border, v_border}) < 0 || alpha < -1 || !j.contains("gamma") ||
+  if (std::min({type, encoding, shape, u_border, v_border}) < 0 ||
+      tile_log2 < static_cast<int>(cache::kLeastFaceTileLog2) || alpha < -1 || !j.contains("gamma") ||
       !j["gamma"].is_number())
     return bad();
   for (const char* name : {"name", "faces", "numbers"})
     if (!j.contains(name) || !j[name].is_string()) return bad();
   d.format.type = static_cast<cache::FaceTexelType>(type), d.format.alpha_channel = alpha;
   d.format.encoding = static_cast<cache::FaceTexEncoding>(encoding), d.format.gamma = j["gamma"];
+  d.format.tile_log2 = static_cast<uint32_t>(tile_log2);
   d.texture = {j["name"],
                static_cast<cache::FaceShape>(shape),
                static_cast<cache::FaceBorder>(u_border),
@@ -250,7 +255,7 @@ Status read_exr(const fs::path& from, const fs::path& to, const ConvertOptions& 
   for (const auto& [size, part] : parts) {
     std::vector<FaceTexImage> images;
     if (size.first > cache::kMaxFaceLog2 || size.second > cache::kMaxFaceLog2 ||
-        !append_images(0, {size.first, size.second, part.second}, images))
+        !append_images(0, {size.first, size.second, part.second}, d.format.tile_log2, images))
       return error("{}: its faces are too large", from.string());
     const OIIO::ImageSpec spec = input->spec(part.first, 0);
     if (text.empty())

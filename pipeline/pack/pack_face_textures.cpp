@@ -87,7 +87,7 @@ Status FaceTexturePacker::describe(Container& container) const {
 }
 
 Result<FaceTextureId> FaceTexturePacker::begin(cache::FaceTexFormat format, cache::FaceTextureShape texture) {
-  format.codec = codec_;
+  format.codec = codec_, format.tile_log2 = tile_log2_;
   SPILLWAY_ASSIGN(const uint32_t container, container_for(format));
   const bool has_subfaces =
       std::any_of(texture.faces.begin(), texture.faces.end(), [](const auto& f) { return f.is_subface(); });

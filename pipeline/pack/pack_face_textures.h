@@ -27,13 +27,17 @@ struct PackedFaceTextures {
 
 class FaceTexturePacker {
  public:
-  FaceTexturePacker(std::filesystem::path textures_directory, uint64_t max_container_bytes, cache::FaceTexCodec codec)
-      : directory_(std::move(textures_directory)), max_container_bytes_(max_container_bytes), codec_(codec) {}
+  FaceTexturePacker(std::filesystem::path textures_directory, uint64_t max_container_bytes, cache::FaceTexCodec codec,
+                    uint32_t tile_log2)
+      : directory_(std::move(textures_directory)),
+        max_container_bytes_(max_container_bytes),
+        codec_(codec),
+        tile_log2_(tile_log2) {}
 
   // A .facetex file of several textures is taken over as it is, once, and may hold any number of those that are named.
   // Of a .ptx file more than four channels are cut to the first three and the alpha; colours are multiplied by it.
   Result<FaceTextureId> add_file(const std::filesystem::path& file, TexelCurve encoding, const std::string& name = {});
-  // format.codec is the packer's.
+  // format.codec and format.tile_log2 are the packer's.
   Result<FaceTextureId> begin(cache::FaceTexFormat format, cache::FaceTextureShape texture);
   Status add_face(std::span<const std::byte> texels);
   Status add_faces(std::span<const std::vector<std::byte>> faces);
@@ -73,6 +77,7 @@ class FaceTexturePacker {
   std::filesystem::path directory_;
   uint64_t max_container_bytes_;
   cache::FaceTexCodec codec_;
+  uint32_t tile_log2_;
   std::vector<Container> containers_;
   std::vector<cache::FaceTextureInfo> textures_;
   std::vector<Requirements> requirements_;

@@ -35,7 +35,8 @@ Result<std::unique_ptr<ScenePacker>> ScenePacker::create(const fs::path& store_d
   packer->spool_ = std::make_unique<MeshSpool>(std::move(spool));
   packer->face_textures_ = std::make_unique<FaceTexturePacker>(store_directory / kTexturesDirectory,
                                                                packer->options_.max_face_container_bytes,
-                                                               packer->options_.face_texture_codec);
+                                                               packer->options_.face_texture_codec,
+                                                               packer->options_.face_tile_log2);
   packer->instances_.emplace_back();
   packer->instances_[0] = {};
   return packer;

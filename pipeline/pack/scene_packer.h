@@ -45,6 +45,7 @@ struct PackOptions {
   BuildOptions tree{};
   uint64_t max_face_container_bytes = 256ull << 20;  // larger: fewer files of face textures
   cache::FaceTexCodec face_texture_codec = cache::FaceTexCodec::lz4;  // zstd: smaller, slower to unpack
+  uint32_t face_tile_log2 = cache::kFaceTileLog2;  // of an edge of their tiles; larger: fewer reads of more bytes
   uint32_t max_faces_per_attribute_block = cache::kMaxFacesPerAttributeBlock;  // larger: fewer, longer reads
   int32_t volume_brick_voxels = 32;                 // 8, 16, 32 or 64; larger: fewer, longer reads
   // Performance: the store's bytes do not differ.

@@ -154,6 +154,40 @@ TEST_F(FaceLookupTest, of_bytes_the_short_path_has_the_bits_of_the_long_one) {
   }
 }
 
+// Inside faces of a texel to four tiles and across their edges, turned, of all types, at all footprints: bit for bit.
+TEST_F(FaceLookupTest, values_do_not_depend_on_the_size_of_tiles) {
+  const FaceGrid grid(6, 5, [](uint32_t f) { return f % 4; });
+  std::mt19937 random(3);
+  std::uniform_real_distribution<float> unit(0, 1);
+  std::vector<FaceTextureRequest> requests(20000);
+  for (uint32_t i = 0; i < requests.size(); ++i)
+    requests[i] = {0,
+                   i * 30 / static_cast<uint32_t>(requests.size()),
+                   random() % 4 == 0 ? std::round(unit(random)) : unit(random),
+                   unit(random),
+                   0.1f * unit(random) * unit(random),
+                   0.1f * unit(random) * unit(random),
+                   unit(random),
+                   random() % 4 == 0 ? FaceLevelChoice::trilinear : FaceLevelChoice::stochastic};
+  for (const FaceTexelType type :
+       {FaceTexelType::uint8, FaceTexelType::uint16, FaceTexelType::half, FaceTexelType::float32})
+    for (const uint32_t channels : {1u, 3u, 4u}) {
+      std::vector<Texel> first;
+      for (const uint32_t tile_log2 : {6u, 5u, 7u}) {
+        open(
+            grid, grid.faces([](uint32_t f) { return std::pair<uint8_t, uint8_t>((f + 5) % 9, (f * 7 + 1) % 9); }),
+            [](double x, double y, uint32_t c) { return 0.5 + 0.4 * std::cos(5 * x - 2 * c) * std::cos(8 * y); },
+            FaceBorder::clamp,
+            {type, channels, channels == 4 ? 3 : -1, FaceTexEncoding::linear, 1, FaceTexCodec::lz4, tile_log2});
+        std::vector<Texel> values(requests.size());
+        ASSERT_TRUE(cache_->look_up_faces(requests, values));
+        if (first.empty()) first = values;
+        EXPECT_EQ(std::memcmp(first.data(), values.data(), values.size() * sizeof(Texel)), 0)
+            << static_cast<int>(type) << ' ' << channels << ' ' << tile_log2;
+      }
+    }
+}
+
 // What threads keep at hand is within the library's limit, whatever it is.
 TEST_F(FaceLookupTest, threads_keep_a_quarter_of_the_limit_at_most) {
   const FaceGrid grid(1, 1);

@@ -80,11 +80,15 @@ TEST_F(FaceTexTest, what_is_written_is_read_for_every_type_channel_count_and_cod
        {FaceTexelType::uint8, FaceTexelType::uint16, FaceTexelType::half, FaceTexelType::float32})
     for (const uint32_t channels : {1u, 2u, 3u, 4u})
       for (const FaceTexCodec codec : {FaceTexCodec::none, FaceTexCodec::lz4, FaceTexCodec::zstd}) {
-        write({type, channels, channels > 3 ? 3 : -1, FaceTexEncoding::linear, 1, codec});
+        // Sizes of tiles by turns.
+        const uint32_t tile_log2 = kLeastFaceTileLog2 + (channels + static_cast<uint32_t>(codec)) % 3;
+        write({type, channels, channels > 3 ? 3 : -1, FaceTexEncoding::linear, 1, codec, tile_log2});
         const auto file = FaceTexFile::open(path_, {});
         ASSERT_TRUE(file) << file.error().message;
         ASSERT_EQ(file->textures().size(), 2u);
         EXPECT_EQ(file->format().codec, codec);
+        EXPECT_EQ(file->format().tile_edge(), 1u << tile_log2);
+        EXPECT_EQ(file->images().front().width, std::max(1u << file->images().front().ulog2, 1u << tile_log2));
         EXPECT_EQ(file->textures()[1].v_border, FaceBorder::periodic);
         EXPECT_STREQ(file->textures()[1].name, "paint");
         for (size_t i = 0; i < texels_.size(); ++i) {
@@ -194,6 +198,28 @@ std::string with_right_checksums(std::string bytes) {
   trailer.checksum = checksum(reinterpret_cast<const char*>(&trailer) + 8, sizeof trailer - 8);
   std::memcpy(bytes.data() + at, &trailer, sizeof trailer);
   return bytes;
+}
+
+TEST_F(FaceTexTest, a_size_of_tiles_that_is_none_is_refused_with_its_place) {
+  write({FaceTexelType::uint8, 1});
+  const std::string whole = bytes();
+  const size_t at = whole.size() - sizeof(FaceTexTrailer);
+  for (const uint32_t log2 : {0u, 4u, 8u, 31u, 32u, 0xffffffffu}) {
+    std::string changed = whole;
+    std::memcpy(changed.data() + at + offsetof(FaceTexTrailer, format.tile_log2), &log2, sizeof log2);
+    put(with_right_checksums(changed));
+    const auto file = FaceTexFile::open(path_, {});
+    ASSERT_FALSE(file) << log2;
+    const std::string place = "byte " + std::to_string(at + offsetof(FaceTexTrailer, format));
+    EXPECT_NE(file.error().message.find(place), std::string::npos) << file.error().message;
+  }
+  // Another one of those that are possible has other tiles.
+  for (const uint32_t log2 : {5u, 7u}) {
+    std::string changed = whole;
+    std::memcpy(changed.data() + at + offsetof(FaceTexTrailer, format.tile_log2), &log2, sizeof log2);
+    put(with_right_checksums(changed));
+    EXPECT_FALSE(FaceTexFile::open(path_, {})) << log2;
+  }
 }
 
 TEST_F(FaceTexTest, flipped_bits_are_refused_or_harmless_whether_or_not_checksums_notice) {

@@ -450,6 +450,22 @@ TEST_F(SameBits, for_small_textures) {
   }
 }
 
+TEST_F(SameBits, for_any_size_of_tiles_of_face_textures) {
+  uint64_t tiles_touched = 0;
+  for (const uint32_t tile_log2 : {5u, 7u}) {
+    SmallSceneOptions scene;
+    scene.face_tile_log2 = tile_log2;
+    const auto store = pack_small_scene(directory_->path(), "tiles", scene);
+    ASSERT_TRUE(store) << store.error().message;
+    RenderOptions o = options();
+    o.plan.texture_bytes = 1 << 16;
+    const RenderedImage image = render(o, 2, *store);
+    EXPECT_EQ(image.report.image_hash, hash_) << tile_log2;
+    EXPECT_NE(image.report.textures.tiles_touched, tiles_touched);
+    tiles_touched = image.report.textures.tiles_touched;
+  }
+}
+
 TEST_F(SameBits, when_everything_is_spilled) {
   RenderOptions o = options();
   o.plan.spill = 1;

@@ -416,6 +416,7 @@ Result<Store> pack_small_scene(const std::filesystem::path& directory, const std
   pack.max_faces_per_attribute_block = options.max_faces_per_attribute_block;
   pack.tree = options.tree;
   pack.volume_brick_voxels = options.volume_brick_voxels;
+  pack.face_tile_log2 = options.face_tile_log2;
   const auto store = directory / (name + ".store");
   SPILLWAY_ASSIGN(const auto packer, ScenePacker::create(store, pack));
   SceneSettings said = settings(options);

@@ -37,6 +37,7 @@ struct SmallSceneOptions {
                            // glows in boxes without walls, milk in a ball of glass
   bool emits_image = false;  // the area light: its emission is looked up
   int32_t volume_brick_voxels = 8;
+  uint32_t face_tile_log2 = 6;
   uint32_t frame_count = 0;  // of a camera path, from frame 1 on; each a little further to the right
 };
 
