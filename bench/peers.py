@@ -11,8 +11,9 @@ between the two, so that an error against either one's picture favours it. Both 
 sample of Mitsuba's counts for the pixels around it too, which blurs noise, and one of Spillway's does not.
 
 Renderers take turns, each in a process of its own, whose highest resident set is taken. Seconds are those of the second
-of two renders of one process for Mitsuba, whose first one compiles, and of the frame for Spillway. A variant that ends
-in -unmerged is for cities: their meshes stay as they are, where Mitsuba else merges those of one material.
+of two renders of one process for Mitsuba, whose first one compiles, and of the frame for Spillway, its reading of the
+geometry included; of a city a second row has what a frame of twice the samples takes longer. A variant that ends in
+-unmerged is for cities: their meshes stay as they are, where Mitsuba else merges those of one material.
 
 A variant that does not run is left out with a line. Without the package mitsuba (pip install mitsuba numpy OpenEXR) it
 says so and writes the header alone.
@@ -137,6 +138,10 @@ class Table:
         for job in self.jobs():
             measured = spillway(self.arguments.spillway, scene, os.path.join(self.work, 'city.store'), job, resolution)
             self.add('city', 'Spillway', job, reference, measured)
+            twice = spillway(self.arguments.spillway, scene, os.path.join(self.work, 'city.store'),
+                             {**job, 'spp': 2 * job['spp'], 'output': os.path.join(self.work, 'twice.exr')}, resolution)
+            twice['seconds'] -= measured['seconds']
+            self.add('city', 'Spillway, geometry in memory', job, reference, twice)
             for variant in self.arguments.variants:
                 measured = mitsuba({**job, 'city': xml, 'variant': variant})
                 self.add('city', 'Mitsuba 3 ' + variant, job, reference, measured)
