@@ -48,7 +48,6 @@ class FaceTexSource {
   [[nodiscard]] Stage begin_stage(std::span<const uint64_t> tiles, uint64_t limit_bytes);
   // They have been read: read_tile finds them, and no longer those before.
   void turn_stage();
-  [[nodiscard]] bool is_staged(uint64_t tile) const { return staged_.at.contains(tile); }
 
  private:
   explicit FaceTexSource(FaceTexFile file) : file_(std::move(file)) {}

@@ -117,6 +117,7 @@ struct TextureCache::State {
   tbb::enumerable_thread_specific<std::unique_ptr<TileThread>> threads;
   std::vector<TextureCounters> staged;  // bytes read ahead, by owner
   uint64_t stage_limit_bytes = 0;
+  std::vector<std::vector<uint64_t>> coming;  // by container, ascending: what lookups under way will have read
   bool is_staging = false;  // `reads` are under way, or done and not turned to
   mutable uint64_t most_wave_bytes = 0;
   MemoryClaim claim;
@@ -159,7 +160,7 @@ struct TextureCache::State {
       for (const uint64_t tile : tiles)
         if ((wanted[c].empty() || wanted[c].back().tile != tile) &&
             !cache.probably_holds(texture.tiles->first_tile + tile, texture.tiles->tile_bytes) &&
-            !containers[c].source->is_staged(tile))
+            !std::ranges::binary_search(coming[c], tile))
           wanted[c].push_back({tile, texture.owner});
     }
   }
@@ -334,7 +335,7 @@ Result<std::unique_ptr<TextureCache>> TextureCache::open(const std::filesystem::
   }
   const auto owners = static_cast<uint32_t>(images.size() + face_textures.size());
   state->cache.begin(owners, options.is_logged);
-  state->staged.resize(owners);
+  state->staged.resize(owners), state->coming.resize(containers.size());
   const uint64_t claimed = std::min(limit, bytes_for_all(images, containers)) + bytes_beside_tiles(images, containers);
   const uint64_t counted = tables + staged;  // in buffers, which count for themselves
   state->claim = MemoryClaim(MemoryTag::textures, claimed > counted ? claimed - counted : 0);
@@ -392,10 +393,10 @@ Status TextureCache::begin_staging(std::span<const FaceTextureRequest> requests)
   s.cache.is_full();
   std::vector<std::vector<WantedTile>> wanted = s.wanted_tiles(requests);
   std::vector<ReadsAhead::Read> reads;
-  std::vector<uint64_t> tiles;
   uint64_t left = s.stage_limit_bytes / 2;  // the other half is what is staged
   for (size_t c = 0; c < s.containers.size(); ++c) {
     const Container& container = s.containers[c];
+    std::vector<uint64_t>& tiles = s.coming[c];  // also those for which there is no room
     tiles.clear();
     for (const WantedTile& w : wanted[c]) tiles.push_back(w.tile);
     FaceTexSource::Stage stage = container.source->begin_stage(tiles, left);

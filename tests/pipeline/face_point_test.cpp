@@ -277,7 +277,7 @@ nlohmann::json reference_values(const std::string& name) {
 TEST_F(FaceSceneTest, packed_ptx_files_agree_with_the_reference_inside_faces_and_across_edges) {
   const fs::path data = fs::path(SPILLWAY_SOURCE_DIR) / "tests/data/ptex";
   for (const char* name : {"cube", "quads60", "subface_prism6"}) {
-    FaceTexturePacker packer(directory_.path(), 1ull << 40, cache::FaceTexCodec::zstd);
+    FaceTexturePacker packer(directory_.path(), 1ull << 40, cache::FaceTexCodec::zstd, cache::kFaceTileLog2);
     const auto added = packer.add_file(data / (std::string(name) + ".ptx"), {});
     ASSERT_TRUE(added) << added.error().message;
     const auto packed = packer.finish();
