@@ -291,8 +291,8 @@ Status validate_face_textures(const StoreTables& t, std::string_view where) {
     if (std::memchr(info.file_name, 0, sizeof info.file_name) == nullptr ||
         std::string_view(info.file_name).find('/') != std::string_view::npos)
       return damaged(where, section::kFaceContainers, c, "its file has no name");
-    if (info.tile_bytes == 0 || info.tile_bytes > (1u << 16) || info.tile_count > (uint64_t{1} << 44) ||
-        info.face_count > (uint64_t{1} << 40))
+    const bool holds_a_tile = info.tile_bytes > 0 && info.tile_bytes <= 16u << 2 * cache::kMostFaceTileLog2;
+    if (!holds_a_tile || info.tile_count > (uint64_t{1} << 44) || info.face_count > (uint64_t{1} << 40))
       return damaged(where, section::kFaceContainers, c, "{} tiles of {} bytes for {} faces", info.tile_count,
                      info.tile_bytes, info.face_count);
   }
