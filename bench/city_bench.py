@@ -6,6 +6,7 @@
   bench/city_bench.py ablations  what each idea is worth: switches that cannot change a bit
   bench/city_bench.py forest     a million instanced trees behind a city, against memory
   bench/city_bench.py whatif     predictions from one log against renders
+  bench/city_bench.py waves      spilled waves of 1 to 64 Mi paths, a part of the pages in memory
 
 Stores, reports and results are kept in --work, so that a benchmark can be made in pieces (--only) and goes on where it
 stopped; --write puts the table into bench/RESULTS.md, between its marks, and the chart into bench/charts/.
@@ -26,7 +27,7 @@ import chart  # noqa: E402
 HERE = os.path.dirname(os.path.abspath(__file__))
 MIB, GIB = 1 << 20, 1 << 30
 TITLES = {'memory': 'Time against memory', 'size': 'Time against size', 'ablations': 'What each idea is worth',
-          'forest': 'A forest behind houses', 'whatif': 'What another budget would do'}
+          'forest': 'A forest behind houses', 'whatif': 'What another budget would do', 'waves': 'Wave size'}
 
 
 class Bench:
@@ -129,6 +130,8 @@ def facts(report):
         'rays': report['stages']['trace_rays']['rays'], 'page_bytes_read': report['pages']['bytes_read'],
         'pages_evicted': report['pages']['evicted'], 'attribute_bytes_read': report['attributes']['bytes_read'],
         'wait_seconds': report['pages']['wait_seconds'] + report['attributes']['wait_seconds'],
+        'largest_wave_rays': max(wave['paths'] + wave['shadow_rays'] for wave in report['waves']),
+        'scratch_bytes': report['scratch_peak_bytes'],
         'spilled_bytes': report['spilled_bytes'], 'resident_bytes': report['memory']['resident_peak_bytes'],
         'floor_bytes': report['memory']['floor_bytes'], 'film_bytes': report['memory']['peak_by_tag'].get('film', 0),
         'untagged_bytes': report['memory']['untagged_bytes'],
@@ -311,9 +314,36 @@ def whatif(bench):
     bench.publish('whatif', '\n'.join(lines), svg)
 
 
+# ---- wave size ----
+
+def waves(bench):
+    store = lambda: bench.city(bench.arguments.buildings, bench.arguments.camera)
+    geometry = bench.once('geometry', lambda: geometry_bytes(bench, store()))
+    fixed = ['--spill', 'always', '--page-share', '1GiB', '--attribute-share', '256MiB', '--hit-sort-share', '256MiB',
+             '--memory', '14GiB']
+    lines = ['| paths a wave | largest wave, M rays | waves | seconds | tracing | page GiB read | attribute GiB read | spilled GiB | '
+             'scratch GiB, peak | resident GiB |', '|---|---|---|---|---|---|---|---|---|---|']
+    series = {'seconds': [], 'GiB of pages': [], 'GiB spilled': []}
+    hashes = set()
+    for mi in (1, 4, 16, 32, 64):
+        row = bench.once(f'{mi}', lambda: facts(bench.render(store(), *fixed, '--wave-paths', mi << 20)))
+        if not row or not geometry:
+            continue
+        hashes.add(row['hash'])
+        for name, value in zip(series, (row['seconds'], row['page_bytes_read'] / GIB, row['spilled_bytes'] / GIB)):
+            series[name].append((mi, value))
+        lines.append(f'| {mi} Mi | {row["largest_wave_rays"] / 1e6:.1f} | {row["waves"]} | {row["seconds"]:.0f} | '
+                     f'{row["stages"]["trace_rays"]:.0f} | {gib(row["page_bytes_read"])} | {gib(row["attribute_bytes_read"])} | '
+                     f'{gib(row["spilled_bytes"])} | {gib(row["scratch_bytes"])} | {gib(row["resident_bytes"])} |')
+    if len(hashes) > 1:
+        sys.exit(f'other images: {hashes}')
+    svg = chart.lines('Wave size', 'Mi paths a wave', 'seconds, GiB', series, (True, False), 0) if hashes else ''
+    bench.publish('waves', '\n'.join(lines), svg)
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument('bench', choices=['memory', 'size', 'ablations', 'forest', 'whatif'])
+    parser.add_argument('bench', choices=['memory', 'size', 'ablations', 'forest', 'whatif', 'waves'])
     parser.add_argument('--spillway', default=os.path.join(HERE, '..', 'build', 'spillway'))
     parser.add_argument('--work', required=True, help='directory for stores and results')
     parser.add_argument('--buildings', type=int, default=10500, help='of the city; of the smallest for size [%(default)s]')
