@@ -41,8 +41,9 @@ void PageSweep::add_due(uint32_t ray, Cell& cell, uint32_t instance) {
 
 // Pages that are sure to be visited are read while other rays are still being traced through what is in memory. Sure are
 // those that enough of this and earlier chunks' rays wait for, while it looks as if half of the room did for all pairs:
-// several windows would each visit others.
+// several windows would each visit others. Which pages are first then hangs on time, and so does what rays take.
 void PageSweep::read_early(size_t chunk, size_t ray_count) {
+  if (rays_.has_costs()) return;  // those are the same for any number of threads
   const uint64_t enough = park_paths_ + park_shadows_ > 0 ? park_pairs_ : 1;
   const std::lock_guard lock(early_);
   counted_rays_ += ray_count;

@@ -72,6 +72,7 @@ class WaveRays {
   [[nodiscard]] uint32_t in_order(size_t place) const { return batch_.order[place]; }
   [[nodiscard]] PageViews& pages() const { return pages_; }
   [[nodiscard]] uint32_t page_count() const { return static_cast<uint32_t>(pages_.pages().size()); }
+  [[nodiscard]] bool has_costs() const { return has_costs_; }
   [[nodiscard]] bool is_path(uint32_t ray) const { return ray < batch_.path_rays.size(); }
   [[nodiscard]] bool is_occluded(uint32_t ray) const { return (hit_at(ray).flags & cache::kHitOccluded) != 0; }
   [[nodiscard]] bool has_hit(uint32_t ray) const { return hit_at(ray).prim != PrimId::kNone; }
