@@ -449,34 +449,52 @@ TEST(TraceRays, a_page_is_read_only_when_a_ray_still_needs_it) {
   // Recomputed: what the resident pages leave open is met by the rays they leave open.
   std::set<uint32_t> needed;
   cache::TraceCounters work;
-  std::vector<cache::PageVisit> visits(10000), due_visits(10000);
-  const auto same_visit = [](const cache::PageVisit& a, const cache::PageVisit& b) {
-    return a.page == b.page && a.instance == b.instance;
-  };
-  size_t left_behind = 0;
+  std::vector<cache::PageVisit> visits(10000);
   const auto meet = [&]<TraceMode mode>(const TraceRay& ray) {
     TraceHit hit = cache::no_hit(ray);
-    cache::DueVisits due{due_visits.data(), due_visits.size()};
+    cache::DueVisits due;
     cache::trace_resident<mode>(scene.tree(), run.views.resident(), ray, hit, work, due);
     if ((hit.flags & cache::kHitOccluded) != 0) return;
     const auto pages = static_cast<uint32_t>(scene.parts.size());
     const size_t count = cache::pages_met(scene.tree(), run.views.resident(), 0, pages, mode, ray, hit, visits.data(),
                                           visits.size());
     for (size_t i = 0; i < count; ++i) needed.insert(visits[i].page);
-    const size_t kept = cache::keep_visits_ahead(scene.tree(), run.views.resident(), mode, ray, hit,
-                                                 {due_visits.data(), due.count});
-    EXPECT_TRUE(std::ranges::equal(std::span(visits).first(count), std::span(due_visits).first(kept), same_visit));
-    left_behind += due.count - kept;
   };
   for (const TraceRay& ray : rays.paths) meet.template operator()<TraceMode::nearest>(ray);
   for (const TraceRay& ray : rays.shadows) meet.template operator()<TraceMode::occlusion>(ray);
-  EXPECT_GT(left_behind, 0u);
   run.trace(rays);
   std::set<uint32_t> read;
   for (const auto& [page, was_read] : run.log) read.insert(page);
   EXPECT_EQ(read, needed);
   EXPECT_GT(read.size(), 0u);
   EXPECT_LT(read.size(), scene.parts.size());
+}
+
+TEST(TraceRays, visits_that_were_due_are_asked_one_by_one_what_a_walk_says_of_all) {
+  const Scene scene(6);
+  PagedRun run(scene, whole(scene) / 2, 64);
+  run.trace(Rays(3000, 3000, 7));  // so that the tops of all pages are known
+  std::vector<cache::PageVisit> due_visits(10000), walked(10000);
+  cache::TraceCounters work;
+  size_t due_count = 0, kept_count = 0, walked_count = 0;
+  const cache::ResidentPages resident = run.views.resident();
+  for (const TraceRay& ray : Rays(500, 0, 8).paths) {
+    TraceHit hit = cache::no_hit(ray);
+    cache::DueVisits due{due_visits.data(), due_visits.size()};
+    cache::trace_resident<TraceMode::nearest>(scene.tree(), resident, ray, hit, work, due);
+    const std::span visits(due_visits.data(), due.count);
+    for (const cache::PageVisit& visit : visits) ASSERT_NE(resident.view(visit.page).nodes, nullptr);
+    const size_t ahead = cache::pages_met(scene.tree(), resident, 0, UINT32_MAX, TraceMode::nearest, ray, hit,
+                                          walked.data(), walked.size());
+    const size_t kept = cache::keep_visits_ahead(scene.tree(), resident, TraceMode::nearest, ray, hit, visits);
+    for (size_t i = 0; i < ahead; ++i)
+      EXPECT_TRUE(std::ranges::any_of(visits.first(kept), [&](const cache::PageVisit& visit) {
+        return visit.page == walked[i].page && visit.instance == walked[i].instance;
+      }));
+    due_count += due.count, kept_count += kept, walked_count += ahead;
+  }
+  EXPECT_LT(kept_count, due_count);
+  EXPECT_LE(kept_count, walked_count + walked_count / 100);
 }
 
 TEST(TraceRays, everything_resident_takes_no_memory_and_no_second_look) {
