@@ -2,6 +2,7 @@
 
 #include <immintrin.h>
 
+#include <algorithm>
 #include <atomic>
 #include <bit>
 #include <cfloat>
@@ -468,9 +469,11 @@ size_t keep_visits_ahead(const PageTree& tree, const ResidentPages& pages, Trace
   uint64_t nodes = 0;
   for (const PageVisit visit : visits) {
     const TracePageView& page = pages.view(visit.page);
-    // Where nothing is known of a page's own tree, those above it have to be asked.
-    if (page.nodes == nullptr)
-      return pages_met(tree, pages, 0, UINT32_MAX, mode, ray, hit, visits.data(), visits.size());
+    // Where nothing is known of a page's own tree, those above it have to be asked, of no pages but these.
+    if (page.nodes == nullptr) {
+      const auto [first, last] = std::ranges::minmax(visits, {}, &PageVisit::page);
+      return pages_met(tree, pages, first.page, last.page + 1, mode, ray, hit, visits.data(), visits.size());
+    }
     if (visit.instance != space) {
       space = visit.instance;
       local = space == 0 ? world_ray(tree, ray) : object_ray(tree, tree.instances[space], ray);

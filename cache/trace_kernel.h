@@ -4,9 +4,10 @@
 //
 // Returns the exact nearest hit whatever the order of pages and the shape of the trees: watertight triangle test on the
 // stored vertices (Woop, Benthin, Wald 2013) whose (t, u, v) depends on ray and triangle alone; boxes rounded outwards
-// at build time and padded by a margin a ray (some roundings of max(|origin|, scene extent)); a box is skipped only
-// when its entry is greater than the nearest hit; equal t goes to the smaller (instance, prim). Threads: pure functions
-// of their arguments. Memory: a fixed stack.
+// at build time and padded by a margin a ray (some roundings of max(|origin|, scene extent)); a box is skipped only when
+// its entry is greater than the nearest hit; equal t goes to the smaller (instance, prim).
+//
+// Threads: pure functions of their arguments. Memory: a fixed stack.
 
 #include <cstdint>
 

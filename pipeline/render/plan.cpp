@@ -17,8 +17,8 @@ constexpr uint64_t kSpilledPairBytesPerPath = 12;           // less than that: a
 // Of the lot (park_rays.h), a path and a shadow ray: rays, results, records, slots; and while they are swept, order,
 // keys and indices of their sort, and pairs.
 // Of a wave, when pages are missing; four are no better where these weigh a gigabyte. A sweep of the lot reads nearly all of
-// them: where they weigh 8 GiB (a city of 154 million triangles within 1 GiB) lots of 512 Ki rays take 0.70 of the time that
-// lots of 128 Ki take.
+// them: where they weigh 8 GiB (a city of 154 million triangles within 1 GiB) lots and waves of 512 Ki rays, which
+// are what is planned then, take 0.70 of the time that both of 128 Ki take.
 constexpr uint64_t kParkedPerPath = 1, kParkedPerPathOfLarge = 4;
 constexpr uint64_t kLargeMissingBytes = 2ull << 30;
 constexpr uint64_t kParkedBytes = 2 * (32 + 24 + 4) + 52 + 24 + 2 * (4 + 16) + kPairBytesPerPath;
