@@ -84,6 +84,18 @@ class Bench:
             json.dump(self.results, open(self.path, 'w'), indent=1)
         return self.results.get(key)
 
+    def in_turns(self, names, key, make):
+        """The fastest run of each name, one of each in every turn; {} where none is to be made."""
+        runs = {}
+        for turn in [''] + [f'-turn{turn}' for turn in range(2, self.arguments.repeat + 1)]:
+            for name in names:
+                run = self.once(f'{key}{name}{turn}', lambda: make(name))
+                if run:
+                    runs.setdefault(name, []).append(run)
+        if any(run['hash'] != of_name[0]['hash'] for of_name in runs.values() for run in of_name):
+            sys.exit(f'{key}: images of one frame differ')
+        return {name: min(of_name, key=lambda run: run['seconds']) for name, of_name in runs.items()}
+
     def publish(self, mark, table, svg):
         print(table)
         if not self.arguments.write:
@@ -161,17 +173,11 @@ def against_memory(bench, name, store):
         return geometry, first, {}
     budgets = {share: first['floor_bytes'] + first['film_bytes'] + 512 * MIB + geometry['bytes'] * share // 100
                for share in SHARES}
-    runs = {}
-    for turn in [''] + [f'-turn{turn}' for turn in range(2, bench.arguments.repeat + 1)]:
-        for share in ['unlimited', *SHARES]:
-            limit = [] if share == 'unlimited' else ['--memory', budgets[share]]
-            run = bench.once(f'{name}-{share}{turn}', lambda: facts(bench.render(store(), *limit)))
-            if run:
-                runs.setdefault(share, []).append(run)
-    rows = {share: min(of_share, key=lambda run: run['seconds']) for share, of_share in runs.items()}
+    limit = lambda share: [] if share == 'unlimited' else ['--memory', budgets[share]]
+    rows = bench.in_turns(['unlimited', *SHARES], f'{name}-', lambda share: facts(bench.render(store(), *limit(share))))
     whole = rows.pop('unlimited')
     for share, row in rows.items():
-        if any(run['hash'] != whole['hash'] for run in runs[share]):
+        if row['hash'] != whole['hash']:
             sys.exit(f'{name} at {share} %: another image')
         row['budget'] = budgets[share]
         log = os.path.join(bench.work, f'{name}-{share}.access')
@@ -229,11 +235,13 @@ def size(bench):
     lines = ['| size | M triangles | geometry GiB | seconds | M rays | ns a ray | pages evicted | page GiB read | resident GiB |',
              '|---|---|---|---|---|---|---|---|---|']
     points = []
-    for times in (1, 4, 16, 64):
-        store = lambda: bench.city(base * times, bench.arguments.camera)
-        geometry = bench.once(f'{times}-geometry', lambda: geometry_bytes(bench, store()))
-        row = bench.once(f'{times}', lambda: facts(bench.render(store(), '--memory', bench.arguments.memory)))
-        if not row or not geometry:
+    sizes = (1, 4, 16, 64)
+    store = lambda times: bench.city(base * times, bench.arguments.camera)
+    geometries = {times: bench.once(f'{times}-geometry', lambda: geometry_bytes(bench, store(times))) for times in sizes}
+    rows = bench.in_turns(sizes, '', lambda times: facts(bench.render(store(times), '--memory', bench.arguments.memory)))
+    for times, row in rows.items():
+        geometry = geometries[times]
+        if not geometry:
             continue
         ray = row['seconds'] / row['rays']
         points.append((geometry['triangles'], ray, row['pages_evicted']))
@@ -354,7 +362,7 @@ def main():
     parser.add_argument('--resolution', default='1280x720')
     parser.add_argument('--spp', type=int, default=16)
     parser.add_argument('--threads', type=int, default=2)
-    parser.add_argument('--repeat', type=int, default=1, help='turns of memory and forest, whose fastest run counts [%(default)s]')
+    parser.add_argument('--repeat', type=int, default=1, help='turns of memory, forest and size, whose fastest run counts [%(default)s]')
     parser.add_argument('--only', action='append', help='regular expressions of the results to make now')
     parser.add_argument('--write', action='store_true', help='into bench/RESULTS.md and bench/charts')
     arguments = parser.parse_args()

@@ -16,10 +16,10 @@ constexpr uint64_t kPairBytesPerPath = 40;                  // of a sweep: two r
 constexpr uint64_t kSpilledPairBytesPerPath = 12;           // less than that: a sweep in several windows
 // Of the lot (park_rays.h), a path and a shadow ray: rays, results, records, slots; and while they are swept, order,
 // keys and indices of their sort, and pairs.
-// Of a wave, when pages are missing; four are no better where these weigh a gigabyte. A sweep of the lot reads nearly all of
-// them: where they weigh 8 GiB (a city of 154 million triangles within 1 GiB) lots and waves of 512 Ki rays, which
-// are what is planned then, take 0.70 of the time that both of 128 Ki take.
-constexpr uint64_t kParkedPerPath = 1, kParkedPerPathOfLarge = 4;
+// As many as a wave has paths, when pages are missing. Where these weigh gigabytes a million: the lot is swept when it is full and
+// once for every bounce at the end of a frame, and reads nearly all of them each time. A city of 154 million triangles within 1 GiB,
+// 16 samples: 51 GiB in waves and lots of 512 Ki, 45 GiB with lots of 1 Mi and waves of 128 to 512 Ki, 47 GiB with lots of 2 Mi.
+constexpr uint64_t kParkedOfLarge = 1 << 20;
 constexpr uint64_t kLargeMissingBytes = 2ull << 30;
 constexpr uint64_t kParkedBytes = 2 * (32 + 24 + 4) + 52 + 24 + 2 * (4 + 16) + kPairBytesPerPath;
 constexpr uint64_t kColdBytesPerPath = 52 + 24;             // path and shadow record, of one wave
@@ -244,10 +244,14 @@ Result<Plan> plan_render(const SceneFacts& facts, const PlanOptions& options, co
         consider({paths, spills, options.parked_rays});
         continue;
       }
-      // First, so that it stays where the prediction, which does not know of this, takes both for the same.
-      if (facts.trace_bytes > budget && facts.trace_bytes - budget >= kLargeMissingBytes)
-        consider({paths, spills, paths * kParkedPerPathOfLarge});
-      consider({paths, spills, paths * kParkedPerPath});
+      // Where it fits it stands for the other one: the prediction does not know what a lot is worth.
+      const Way large{paths, spills, std::max(paths, kParkedOfLarge)};
+      const bool misses_much = facts.trace_bytes > budget && facts.trace_bytes - budget >= kLargeMissingBytes;
+      if (misses_much && fits(facts, options, large, budget)) {
+        consider(large);
+        continue;
+      }
+      consider({paths, spills, paths});
     }
   }
   if (best) return *best;
