@@ -358,7 +358,9 @@ TEST_F(FaceLookupTest, what_is_read_while_others_look_up_is_read_once_and_found)
   for (size_t first = 0; first < requests.size(); first += kStep) {
     const size_t next = std::min(first + kStep, requests.size());
     if (next < requests.size()) {
-      ASSERT_TRUE(cache_->begin_staging(batch(next)));
+      std::vector<TextureCache::WantedTile> wanted_tiles;
+      cache_->append_wanted(batch(next), wanted_tiles);
+      ASSERT_TRUE(cache_->begin_staging(std::move(wanted_tiles)));
     }
     ASSERT_TRUE(cache_->look_up_faces(batch(first), std::span(got).subspan(first)));
     ASSERT_TRUE(cache_->finish_staging());
