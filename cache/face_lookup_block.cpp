@@ -39,20 +39,6 @@ struct FaceInHand {
   }
 };
 
-// body() for a tile's edge that the compiler knows.
-template <class Body>
-auto with_tile_log2(uint32_t log2, const Body& body) {
-  static_assert(kLeastFaceTileLog2 == 5 && kMostFaceTileLog2 == 7);
-  switch (log2) {
-    case 5:
-      return body.template operator()<5>();
-    case 6:
-      return body.template operator()<6>();
-    default:
-      return body.template operator()<7>();
-  }
-}
-
 // A lookup in one level of a quad of bytes whose four texels lie in one tile: where they are and what they weigh. Other
 // lookups are found not to be `inside`, and take the general path. The arithmetic is that of Footprint::quad.
 struct Inside {
@@ -63,8 +49,6 @@ struct Inside {
   float shares[4];
 };
 
-// kLog2: of the tile's edge.
-template <uint32_t kLog2>
 void find_inside(const FaceTexture& t, const FaceTextureRequest& request, FaceInHand& face, Inside& found) {
   found.inside = false;
   if (request.face != face.face || request.texture != face.texture) face.take(t, request);
@@ -77,22 +61,21 @@ void find_inside(const FaceTexture& t, const FaceTextureRequest& request, FaceIn
   const int i = static_cast<int>(floor_x), j = static_cast<int>(floor_y);
   if (i < 0 || j < 0 || i >= face.last_i || j >= face.last_j) return;
   found.x = face.x0 + static_cast<uint32_t>(i), found.y = face.y0 + static_cast<uint32_t>(j);
-  constexpr uint32_t last = (1u << kLog2) - 1;
-  const uint32_t in_x = found.x & last, in_y = found.y & last;
+  const uint32_t last = (1u << t.tile_log2) - 1, in_x = found.x & last, in_y = found.y & last;
   if (in_x == last || in_y == last) return;
   const float fx = x - floor_x, fy = y - floor_y;
   found.inside = true;
   found.shares[0] = (1 - fx) * (1 - fy), found.shares[1] = fx * (1 - fy);
   found.shares[2] = (1 - fx) * fy, found.shares[3] = fx * fy;
   found.image_index = face.image_index;
-  found.tile = face.first_tile + uint64_t{found.y >> kLog2} * face.tiles_across + (found.x >> kLog2);
-  found.offset = (in_y << kLog2 | in_x) * t.channels;
+  found.tile = face.first_tile + uint64_t{found.y >> t.tile_log2} * face.tiles_across + (found.x >> t.tile_log2);
+  found.offset = (in_y << t.tile_log2 | in_x) * t.channels;
 }
 
 // Sums as TexelSum::add makes them, channel by channel.
-template <uint32_t kLog2, uint32_t kChannels>
+template <uint32_t kChannels>
 Texel sum_of_four(const FaceTexture& t, const std::byte* at, const float* shares) {
-  constexpr size_t up = size_t{kChannels} << kLog2;
+  const size_t up = size_t{kChannels} << t.tile_log2;
   const std::byte* const texels[4] = {at, at + kChannels, at + up, at + up + kChannels};
   const float scale = 1 / (shares[0] + shares[1] + shares[2] + shares[3]);
   float sum[kChannels];
@@ -105,33 +88,31 @@ Texel sum_of_four(const FaceTexture& t, const std::byte* at, const float* shares
   return spread_channels(sum, kChannels);
 }
 
-template <uint32_t kLog2>
 bool look_up_inside(TileThread& thread, const FaceTexture& t, const Inside& found, Texel& value) {
   const std::byte* const tile = thread.tile(*t.tiles, found.image_index, 0, found.x, found.y, found.tile, t.owner);
   if (tile == nullptr) return false;
   const std::byte* const at = tile + found.offset;
   switch (t.channels) {
     case 1:
-      value = sum_of_four<kLog2, 1>(t, at, found.shares);
+      value = sum_of_four<1>(t, at, found.shares);
       break;
     case 2:
-      value = sum_of_four<kLog2, 2>(t, at, found.shares);
+      value = sum_of_four<2>(t, at, found.shares);
       break;
     case 3:
-      value = sum_of_four<kLog2, 3>(t, at, found.shares);
+      value = sum_of_four<3>(t, at, found.shares);
       break;
     default:
-      value = sum_of_four<kLog2, 4>(t, at, found.shares);
+      value = sum_of_four<4>(t, at, found.shares);
   }
   return true;
 }
 
-template <uint32_t kLog2>
 void prefetch(const TileThread& thread, const FaceTexture& t, const Inside& found) {
   const std::byte* const tile = found.inside ? thread.at_hand(found.tile) : nullptr;
   if (tile == nullptr) return;
   __builtin_prefetch(tile + found.offset);
-  __builtin_prefetch(tile + found.offset + (size_t{t.channels} << kLog2));
+  __builtin_prefetch(tile + found.offset + (size_t{t.channels} << t.tile_log2));
 }
 
 void prefetch_face(const FaceTexture& t, uint32_t face) {
@@ -156,10 +137,8 @@ size_t look_up_faces(TileThread& thread, std::span<const FaceTexture> textures,
   const auto find = [&](size_t i) {
     const FaceTexture& texture = textures[requests[i].texture];
     Inside& found = ahead[i % kAhead];
-    with_tile_log2(texture.tile_log2, [&]<uint32_t kLog2>() {
-      find_inside<kLog2>(texture, requests[i], face, found);
-      prefetch<kLog2>(thread, texture, found);
-    });
+    find_inside(texture, requests[i], face, found);
+    prefetch(thread, texture, found);
   };
   const size_t count = requests.size();
   for (size_t i = 0; i < std::min(kAhead, count); ++i) find(i);
@@ -173,10 +152,7 @@ size_t look_up_faces(TileThread& thread, std::span<const FaceTexture> textures,
     ++thread.counters[texture.owner].lookups;
     const Inside& found = ahead[i % kAhead];
     if (found.inside) {
-      const bool is_read = with_tile_log2(texture.tile_log2, [&]<uint32_t kLog2>() {
-        return look_up_inside<kLog2>(thread, texture, found, values[i]);
-      });
-      if (!is_read) return i;
+      if (!look_up_inside(thread, texture, found, values[i])) return i;
     } else {
       float sum[4] = {0, 0, 0, 0};
       if (!look_up_face(thread, texture, request, sum)) return i;
