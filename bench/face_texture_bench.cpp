@@ -172,6 +172,8 @@ struct UvRun {
   double cold = 0, warm = 0, tiles = 0, count = 0;
 };
 
+constexpr int kWarmPasses = 9;  // they take hundredths of a second: the best counts
+
 UvRun look_up_uv(const fs::path& path, bool sorted) {
   OIIO::TextureSystem* const system = OIIO::TextureSystem::create(false);
   system->attribute("max_memory_MB", 4000.0f);
@@ -188,7 +190,7 @@ UvRun look_up_uv(const fs::path& path, bool sorted) {
   if (!sorted) std::shuffle(places.begin(), places.end(), random);
   UvRun run;
   run.tiles = kTiles * kTiles, run.count = static_cast<double>(places.size());
-  for (double* seconds : {&run.cold, &run.warm}) {
+  for (int pass = 0; pass <= kWarmPasses; ++pass) {
     const auto start = Clock::now();
     parallel_blocks(places.size(), 256, [&](size_t, size_t first, size_t last) {
       OIIO::TextureOpt options;
@@ -200,7 +202,9 @@ UvRun look_up_uv(const fs::path& path, bool sorted) {
       for (size_t i = first; i < last; ++i)
         system->texture(handle, perthread, options, places[i].first, places[i].second, 0, 0, 0, 0, 3, value);
     });
-    *seconds = seconds_since(start);
+    const double seconds = seconds_since(start);
+    if (pass == 0) run.cold = seconds;
+    if (pass == 1 || (pass > 1 && seconds < run.warm)) run.warm = seconds;
   }
   OIIO::TextureSystem::destroy(system);
   return run;
@@ -265,7 +269,10 @@ void lookups(const fs::path& folder, uint32_t faces) {
       std::mt19937 random(4);
       if (!sorted) std::shuffle(requests.begin(), requests.end(), random);
       look_up_all(*textures, requests, false);
-      const double rate = static_cast<double>(requests.size()) / look_up_all(*textures, requests, false) * 1e-6;
+      double seconds = look_up_all(*textures, requests, false);
+      for (int pass = 1; pass < kWarmPasses; ++pass)
+        seconds = std::min(seconds, look_up_all(*textures, requests, false));
+      const double rate = static_cast<double>(requests.size()) / seconds * 1e-6;
       fmt::print("| face textures, {}, {} | {:.2f} | {:.2f} |\n",
                  where == Where::inside ? "inside faces" : "across edges", sorted ? "sorted" : "random", rate,
                  rate / base);

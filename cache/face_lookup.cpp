@@ -9,8 +9,12 @@
 namespace spillway::cache {
 namespace {
 
+uint64_t tile_of(const FaceLevel& f, uint32_t i, uint32_t j) {
+  return f.image->tile_at(f.x0 + (f.is_constant ? 0 : i), f.y0 + (f.is_constant ? 0 : j));
+}
+
 // A sum of weighted texels.
-struct Gather {
+struct TexelSum {
   TileThread& thread;
   const FaceTexture& texture;
   float sum[4] = {0, 0, 0, 0};
@@ -19,7 +23,7 @@ struct Gather {
   const std::byte* texel(const FaceLevel& f, uint32_t i, uint32_t j) {
     const uint32_t x = f.x0 + (f.is_constant ? 0 : i), y = f.y0 + (f.is_constant ? 0 : j);
     const std::byte* tile = thread.tile(*texture.tiles, f.image_index, 0, x, y,
-                                        texture.tiles->first_tile + f.image->tile_at(x, y), texture.owner);
+                                        texture.tiles->first_tile + tile_of(f, i, j), texture.owner);
     if (tile == nullptr) return nullptr;
     const uint32_t log2 = f.image->tile_log2, in_tile = (1u << log2) - 1;
     return tile + ((y & in_tile) << log2 | (x & in_tile)) * texture.file->format().texel_bytes();
@@ -34,6 +38,42 @@ struct Gather {
     add(at, share);
     return true;
   }
+  // Four of one tile: (i, j) is the least of them.
+  bool add_four(const FaceLevel& f, uint32_t i, uint32_t j, const float* shares) {
+    const std::byte* at = texel(f, i, j);
+    if (at == nullptr) return false;
+    const size_t right = texture.file->format().texel_bytes(), up = right << f.image->tile_log2;
+    add(at, shares[0]), add(at + right, shares[1]), add(at + up, shares[2]), add(at + up + right, shares[3]);
+    return true;
+  }
+  void add_black(float share) { weight += share; }
+};
+
+// The tiles that such a sum would need.
+struct TileList {
+  std::vector<uint64_t>& tiles;
+
+  bool add(const FaceLevel& f, uint32_t i, uint32_t j, float) {
+    const uint64_t tile = tile_of(f, i, j);
+    if (tiles.empty() || tiles.back() != tile) tiles.push_back(tile);
+    return true;
+  }
+  bool add_four(const FaceLevel& f, uint32_t i, uint32_t j, const float*) { return add(f, i, j, 0); }
+  void add_black(float) {}
+};
+
+// Which texels a lookup adds up: those of the face and of its neighbours.
+template <class Texels>
+struct Footprint {
+  const FaceTexture& texture;
+  Texels& texels;
+
+  bool add(const FaceLevel& f, uint32_t i, uint32_t j, float share) { return texels.add(f, i, j, share); }
+  bool level(const FaceInfo& info, uint32_t face, uint32_t level, float u, float v) {
+    if ((info.flags & kFaceNeighbourhoodIsConstant) != 0)
+      return add(face_level(texture, face, std::max(info.ulog2, info.vlog2)), 0, 0, 1);
+    return texture.texture->shape == FaceShape::quad ? quad(face, level, u, v) : triangle(face, level, u, v);
+  }
   bool quad(uint32_t face, uint32_t level, float u, float v);
   bool quad_beyond(uint32_t face, const FaceLevel& f, int i, int j, float share);
   bool seen_from(uint32_t face, FacePlace place, int ulog2, int vlog2, float share);
@@ -41,7 +81,8 @@ struct Gather {
   bool triangle_beyond(uint32_t face, uint32_t log2, FacePlace place, float share);
 };
 
-bool Gather::quad(uint32_t face, uint32_t level, float u, float v) {
+template <class Texels>
+bool Footprint<Texels>::quad(uint32_t face, uint32_t level, float u, float v) {
   const FaceLevel f = face_level(texture, face, level);
   const int width = 1 << f.ulog2, height = 1 << f.vlog2;
   const float x = u * static_cast<float>(width) - 0.5f, y = v * static_cast<float>(height) - 0.5f;
@@ -53,13 +94,8 @@ bool Gather::quad(uint32_t face, uint32_t level, float u, float v) {
   if (inside && !f.is_constant) {
     const uint32_t px = f.x0 + static_cast<uint32_t>(i), py = f.y0 + static_cast<uint32_t>(j);
     const uint32_t last = (1u << f.image->tile_log2) - 1;
-    if ((px & last) != last && (py & last) != last) {
-      const std::byte* at = texel(f, static_cast<uint32_t>(i), static_cast<uint32_t>(j));
-      if (at == nullptr) return false;
-      const size_t right = texture.file->format().texel_bytes(), up = right << f.image->tile_log2;
-      add(at, shares[0]), add(at + right, shares[1]), add(at + up, shares[2]), add(at + up + right, shares[3]);
-      return true;
-    }
+    if ((px & last) != last && (py & last) != last)
+      return texels.add_four(f, static_cast<uint32_t>(i), static_cast<uint32_t>(j), shares);
   }
   for (int k = 0; k < 4; ++k) {
     const int ki = i + (k & 1), kj = j + (k >> 1);
@@ -80,7 +116,8 @@ bool inside_border(FaceBorder border, int size, int& index) {
 }
 
 // At most one texel beyond an edge, or beyond two.
-bool Gather::quad_beyond(uint32_t face, const FaceLevel& f, int i, int j, float share) {
+template <class Texels>
+bool Footprint<Texels>::quad_beyond(uint32_t face, const FaceLevel& f, int i, int j, float share) {
   const int width = 1 << f.ulog2, height = 1 << f.vlog2;
   const FaceInfo& info = texture.faces[face];
   const auto edge_of = [](int k, int size, uint32_t below, uint32_t above) {
@@ -93,7 +130,7 @@ bool Gather::quad_beyond(uint32_t face, const FaceLevel& f, int i, int j, float 
   if (edge_v < 4 && info.adjacent_faces[edge_v] == kNoFace)
     is_black = !inside_border(texture.texture->v_border, height, j) || is_black, edge_v = 4;
   if (is_black) {
-    weight += share;
+    texels.add_black(share);
     return true;
   }
   if (edge_u == 4 && edge_v == 4) return add(f, static_cast<uint32_t>(i), static_cast<uint32_t>(j), share);
@@ -121,7 +158,8 @@ bool Gather::quad_beyond(uint32_t face, const FaceLevel& f, int i, int j, float 
 // The texel of a face at a place, as large as one of a face with 2^ulog2 x 2^vlog2 texels or, where there are only such,
 // larger. A level is coarser along both sides: where the face is finer along one more than along the other, texels are
 // added up along that one.
-bool Gather::seen_from(uint32_t face, FacePlace place, int ulog2, int vlog2, float share) {
+template <class Texels>
+bool Footprint<Texels>::seen_from(uint32_t face, FacePlace place, int ulog2, int vlog2, float share) {
   constexpr int kMostLog2 = 4;  // 16 texels; beyond that a coarser level does
   const FaceInfo& there = texture.faces[face];
   const int finer_u = std::clamp<int>(there.ulog2 - ulog2, 0, there.ulog2);
@@ -143,7 +181,8 @@ bool Gather::seen_from(uint32_t face, FacePlace place, int ulog2, int vlog2, flo
 }
 
 // Texels weigh by how far their middles are, counted in steps of the lattice along its three directions.
-bool Gather::triangle(uint32_t face, uint32_t level, float u, float v) {
+template <class Texels>
+bool Footprint<Texels>::triangle(uint32_t face, uint32_t level, float u, float v) {
   const FaceLevel f = face_level(texture, face, level);
   const int size = 1 << f.ulog2;
   const float x = u * static_cast<float>(size), y = v * static_cast<float>(size);
@@ -166,7 +205,8 @@ bool Gather::triangle(uint32_t face, uint32_t level, float u, float v) {
   return true;
 }
 
-bool Gather::triangle_beyond(uint32_t face, uint32_t log2, FacePlace place, float share) {
+template <class Texels>
+bool Footprint<Texels>::triangle_beyond(uint32_t face, uint32_t log2, FacePlace place, float share) {
   for (int step = 0; step < 4; ++step) {
     const float w = 1 - place.u - place.v;
     const float lowest = std::min({w, place.u, place.v});
@@ -183,51 +223,41 @@ bool Gather::triangle_beyond(uint32_t face, uint32_t log2, FacePlace place, floa
   return add(g, static_cast<uint32_t>(at.u), static_cast<uint32_t>(at.v), share);
 }
 
+// Where a request looks, on the face.
+FacePlace place_of(const FaceTexture& texture, const FaceTextureRequest& request) {
+  const float u = clamp_unit(request.u), v = clamp_unit(request.v);
+  if (texture.texture->shape == FaceShape::quad || u + v <= 1) return {u, v};
+  return {u / (u + v), 1 - u / (u + v)};  // beyond the diagonal of a triangle there is nothing
+}
+
+FaceLevels levels_looked_up(const FaceInfo& face, const FaceTextureRequest& request) {
+  FaceLevels levels = levels_of(face, request);
+  if (face.flags & kFaceNeighbourhoodIsConstant) levels.blend = 0;
+  return levels;
+}
+
 }  // namespace
 
 bool look_up_face(TileThread& thread, const FaceTexture& texture, const FaceTextureRequest& request, float* sum) {
   const FaceInfo& face = texture.faces[request.face];
-  float u = clamp_unit(request.u), v = clamp_unit(request.v);
-  const bool is_quad = texture.texture->shape == FaceShape::quad;
-  if (!is_quad && u + v > 1) u /= u + v, v = 1 - u;  // beyond the diagonal of a triangle there is nothing
-  FaceLevels levels = levels_of(face, request);
-  if (face.flags & kFaceNeighbourhoodIsConstant) levels.blend = 0;
-  for (int k = 0; k < (levels.blend > 0 ? 2 : 1); ++k) {
-    Gather gather{thread, texture};
-    const uint32_t level = levels.fine + static_cast<uint32_t>(k);
-    const bool is_flat = (face.flags & kFaceNeighbourhoodIsConstant) != 0;
-    const bool read = is_flat ? gather.add(face_level(texture, request.face, std::max(face.ulog2, face.vlog2)), 0, 0, 1)
-                      : is_quad ? gather.quad(request.face, level, u, v)
-                                : gather.triangle(request.face, level, u, v);
-    if (!read) return false;
-    const float scale = (k == 0 ? 1 - levels.blend : levels.blend) / gather.weight;
-    for (uint32_t c = 0; c < texture.file->format().channels; ++c) sum[c] += scale * gather.sum[c];
+  const FacePlace at = place_of(texture, request);
+  const FaceLevels levels = levels_looked_up(face, request);
+  for (uint32_t k = 0; k < (levels.blend > 0 ? 2u : 1u); ++k) {
+    TexelSum texels{thread, texture};
+    if (!Footprint<TexelSum>{texture, texels}.level(face, request.face, levels.fine + k, at.u, at.v)) return false;
+    const float scale = (k == 0 ? 1 - levels.blend : levels.blend) / texels.weight;
+    for (uint32_t c = 0; c < texture.file->format().channels; ++c) sum[c] += scale * texels.sum[c];
   }
   return true;
 }
 
 void append_face_tiles(const FaceTexture& texture, const FaceTextureRequest& request, std::vector<uint64_t>& tiles) {
-  const FaceLevels levels = levels_of(texture.faces[request.face], request);
-  for (uint32_t k = 0; k < (levels.blend > 0 ? 2u : 1u); ++k) {
-    const FaceLevel f = face_level(texture, request.face, levels.fine + k);
-    if (f.is_constant) {
-      tiles.push_back(f.image->tile_at(f.x0, f.y0));
-      continue;
-    }
-    const float width = static_cast<float>(1u << f.ulog2), height = static_cast<float>(1u << f.vlog2);
-    const auto place = [](float at, float size) {
-      return static_cast<uint32_t>(std::clamp(clamp_unit(at) * size - 0.5f, 0.0f, size - 1));
-    };
-    const uint32_t x = f.x0 + place(request.u, width), y = f.y0 + place(request.v, height);
-    tiles.push_back(f.image->tile_at(x, y));
-    // The blend reaches one texel further.
-    const uint32_t last = (1u << f.image->tile_log2) - 1;
-    const bool more_x = (x & last) == last && x + 1 < f.x0 + (1u << f.ulog2);
-    const bool more_y = (y & last) == last && y + 1 < f.y0 + (1u << f.vlog2);
-    if (more_x) tiles.push_back(f.image->tile_at(x + 1, y));
-    if (more_y) tiles.push_back(f.image->tile_at(x, y + 1));
-    if (more_x && more_y) tiles.push_back(f.image->tile_at(x + 1, y + 1));
-  }
+  const FaceInfo& face = texture.faces[request.face];
+  const FacePlace at = place_of(texture, request);
+  const FaceLevels levels = levels_looked_up(face, request);
+  TileList list{tiles};
+  for (uint32_t k = 0; k < (levels.blend > 0 ? 2u : 1u); ++k)
+    Footprint<TileList>{texture, list}.level(face, request.face, levels.fine + k, at.u, at.v);
 }
 
 }  // namespace spillway::cache

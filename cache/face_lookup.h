@@ -58,7 +58,7 @@ size_t look_up_faces(TileThread& thread, std::span<const FaceTexture> textures,
 // Adds the linear value to sum[0 .. channels); false when a tile cannot be read.
 bool look_up_face(TileThread& thread, const FaceTexture& texture, const FaceTextureRequest& request, float* sum);
 
-// Appends the numbers, in the file, of the tiles that the request needs of its own face.
+// Appends the numbers, in the file, of the tiles that the request needs, of its face and of neighbours; some more than once.
 void append_face_tiles(const FaceTexture& texture, const FaceTextureRequest& request, std::vector<uint64_t>& tiles);
 
 }  // namespace spillway::cache

@@ -40,7 +40,7 @@ struct FaceInHand {
 };
 
 // A lookup in one level of a quad of bytes whose four texels lie in one tile: where they are and what they weigh. Other
-// lookups are found not to be `inside`, and take the general path. The arithmetic is that of Gather::quad.
+// lookups are found not to be `inside`, and take the general path. The arithmetic is that of Footprint::quad.
 struct Inside {
   bool inside = false;
   uint32_t image_index, x, y;
@@ -72,7 +72,7 @@ void find_inside(const FaceTexture& t, const FaceTextureRequest& request, FaceIn
   found.offset = (in_y << t.tile_log2 | in_x) * t.channels;
 }
 
-// Sums as Gather::add makes them, channel by channel.
+// Sums as TexelSum::add makes them, channel by channel.
 template <uint32_t kChannels>
 Texel sum_of_four(const FaceTexture& t, const std::byte* at, const float* shares) {
   const size_t up = size_t{kChannels} << t.tile_log2;

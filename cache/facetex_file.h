@@ -164,6 +164,9 @@ class FaceTexFile {
   // The same of bytes that read() brought.
   Status decode_tile(uint64_t number, std::span<const std::byte> packed, std::span<std::byte> out) const;
   Status read(uint64_t offset, std::span<std::byte> bytes) const { return file_.read(offset, bytes); }
+  [[nodiscard]] uint64_t size_bytes() const { return file_.size_bytes(); }
+  // Of what is read at least, and at a time.
+  [[nodiscard]] uint64_t block_bytes() const { return file_.direct_effective() ? kDirectAlignment : 1; }
   // The texels of a face at a level, row by row from v = 0.
   Result<std::vector<std::byte>> texels(const FaceTexTexture& texture, uint32_t face, uint32_t level) const;
 

@@ -2,8 +2,9 @@
 
 #include <OpenImageIO/imageio.h>
 
+#include <algorithm>
+#include <map>
 #include <mutex>
-
 
 namespace spillway::cache {
 namespace {
@@ -148,44 +149,51 @@ FaceTexSource::~FaceTexSource() {
 Status FaceTexSource::read_tile(uint64_t number, std::span<std::byte> out) const {
   ReadTally& tally = thread_read_tally();
   tally.tiles += 1;
-  const auto staged = staged_.at.find(number);
-  if (staged == staged_.at.end()) {
-    tally.bytes += file_.tiles()[number].size_bytes;
-    return file_.read_tile(number, out);
-  }
-  return file_.decode_tile(number, {staged_.bytes.data() + staged->second, file_.tiles()[number].size_bytes}, out);
+  const std::byte* const staged = staged_.find(number);
+  if (staged != nullptr) return file_.decode_tile(number, {staged, file_.tiles()[number].size_bytes}, out);
+  tally.bytes += file_.tiles()[number].size_bytes;
+  return file_.read_tile(number, out);
+}
+
+const std::byte* FaceTexSource::Staged::find(uint64_t tile) const {
+  const auto found = std::ranges::lower_bound(places, tile, {}, &Place::tile);
+  return found != places.end() && found->tile == tile ? bytes.data() + found->at : nullptr;
 }
 
 FaceTexSource::Stage FaceTexSource::begin_stage(std::span<const uint64_t> tiles, uint64_t limit_bytes) {
   struct Run {
-    uint64_t offset, size, place;
+    uint64_t first, last, place;  // bytes of the file
   };
+  const uint64_t block = file_.block_bytes();
   Stage stage;
   std::vector<Run> runs;
-  next_staged_.at.clear();
+  next_staged_.places.clear();
   for (const uint64_t number : tiles) {
     const FaceTexTile& tile = file_.tiles()[number];
-    if (stage.bytes + tile.size_bytes > limit_bytes) break;
-    const bool follows = !runs.empty() && runs.back().offset + runs.back().size == tile.offset &&
-                         runs.back().size + tile.size_bytes <= kRunBytes;
-    if (!follows) runs.push_back({tile.offset, 0, stage.bytes});
-    runs.back().size += tile.size_bytes;
-    next_staged_.at.emplace_hint(next_staged_.at.end(), number, stage.bytes);
-    stage.bytes += tile.size_bytes;
+    const uint64_t first = tile.offset / block * block;
+    const uint64_t last = (tile.offset + tile.size_bytes + block - 1) / block * block;
+    const bool follows = !runs.empty() && first >= runs.back().first && first <= runs.back().last &&
+                         last - runs.back().first <= std::max(kRunBytes, last - first);
+    const uint64_t more = !follows ? last - first : last > runs.back().last ? last - runs.back().last : 0;
+    if (stage.bytes + more > limit_bytes) break;
+    if (!follows) runs.push_back({first, first, stage.bytes});
+    runs.back().last += more;
+    stage.bytes += more;
+    next_staged_.places.push_back({number, runs.back().place + (tile.offset - runs.back().first)});
   }
-  stage.tile_count = next_staged_.at.size();
+  stage.tile_count = next_staged_.places.size();
   next_staged_.bytes.grow(MemoryTag::textures, stage.bytes);
+  const uint64_t end = file_.size_bytes();
   for (const Run& run : runs)
-    stage.reads.emplace_back([this, run, to = next_staged_.bytes.data() + run.place] {
-      return file_.read(run.offset, {to, run.size});
-    });
+    stage.reads.emplace_back([this, first = run.first, size = std::min(run.last, end) - run.first,
+                              to = next_staged_.bytes.data() + run.place] { return file_.read(first, {to, size}); });
   return stage;
 }
 
 void FaceTexSource::turn_stage() {
   staged_.bytes.swap(next_staged_.bytes);
-  staged_.at.swap(next_staged_.at);
-  next_staged_.at.clear();
+  staged_.places.swap(next_staged_.places);
+  next_staged_.places.clear();
 }
 
 void* make_facetex_input() { return static_cast<OIIO::ImageInput*>(new FaceTexInput); }

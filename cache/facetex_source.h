@@ -10,7 +10,6 @@
 // Fails: read errors and damaged tiles, with the byte; OpenImageIO is told the same.
 
 #include <functional>
-#include <map>
 #include <memory>
 #include <span>
 #include <vector>
@@ -38,11 +37,12 @@ class FaceTexSource {
   // Decoded; staged bytes first. Counts the tile in thread_read_tally(), and its bytes when they come from the file.
   Status read_tile(uint64_t number, std::span<std::byte> out) const;
   // How to read these tiles, ascending and each once, compressed, and beside what is staged: those that follow each
-  // other in runs of up to kRunBytes, to be read in any order, by any number of threads. What is beyond `limit_bytes` is
-  // left to read_tile.
+  // other in runs of up to kRunBytes, to be read in any order, by any number of threads. Direct reads bring whole blocks,
+  // straight into their place; a run goes on as long as no block lies between its tiles. What is beyond `limit_bytes`
+  // is left to read_tile.
   struct Stage {
     size_t tile_count = 0;  // of those given, the first
-    uint64_t bytes = 0;
+    uint64_t bytes = 0;  // of memory, which are those read
     std::vector<std::function<Status()>> reads;
   };
   [[nodiscard]] Stage begin_stage(std::span<const uint64_t> tiles, uint64_t limit_bytes);
@@ -53,9 +53,13 @@ class FaceTexSource {
   explicit FaceTexSource(FaceTexFile file) : file_(std::move(file)) {}
 
   FaceTexFile file_;
+  struct Place {
+    uint64_t tile, at;
+  };
   struct Staged {
     Buffer<std::byte> bytes;
-    std::map<uint64_t, uint64_t> at;  // tile to place
+    std::vector<Place> places;  // ascending by tile
+    [[nodiscard]] const std::byte* find(uint64_t tile) const;  // null: it is not there
   };
   Staged staged_, next_staged_;
 };

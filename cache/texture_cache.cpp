@@ -7,6 +7,7 @@
 #include <bit>
 #include <cmath>
 #include <cstring>
+#include <tuple>
 #include <utility>
 
 #include "cache/base/check.h"
@@ -78,12 +79,6 @@ void choose_decoding(Image& image) {
   }
 }
 
-// What a lookup needs and has not been kept, and whose it is.
-struct WantedTile {
-  uint64_t tile;  // of its file
-  uint32_t owner;
-};
-
 // A file of face textures, open.
 struct Container {
   std::shared_ptr<FaceTexSource> source;
@@ -130,39 +125,6 @@ struct TextureCache::State {
     if (!own) own = cache.make_thread();
     own->begin_block();
     return *own;
-  }
-
-  // By container, ascending, each once: its owner is the one that asks first.
-  std::vector<std::vector<WantedTile>> wanted_tiles(std::span<const FaceTextureRequest> requests) const {
-    constexpr size_t kBlock = 1024;
-    std::vector<std::vector<std::vector<WantedTile>>> of_block(block_count(requests.size(), kBlock));
-    parallel_blocks(requests.size(), kBlock, [&](size_t b, size_t first, size_t last) {
-      of_block[b].resize(containers.size());
-      append_wanted(requests.subspan(first, last - first), of_block[b]);
-    });
-    std::vector<std::vector<WantedTile>> wanted(containers.size());
-    for (size_t c = 0; c < wanted.size(); ++c) {
-      for (const auto& block : of_block) wanted[c].insert(wanted[c].end(), block[c].begin(), block[c].end());
-      std::ranges::stable_sort(wanted[c], {}, &WantedTile::tile);
-      const auto twice = std::ranges::unique(wanted[c], {}, &WantedTile::tile);
-      wanted[c].erase(twice.begin(), twice.end());
-    }
-    return wanted;
-  }
-  void append_wanted(std::span<const FaceTextureRequest> requests, std::vector<std::vector<WantedTile>>& wanted) const {
-    std::vector<uint64_t> tiles;
-    for (const FaceTextureRequest& request : requests) {
-      const FaceTexture& texture = faces[request.texture];
-      if (request.face >= texture.faces.size()) continue;  // look_up_faces refuses it
-      const uint32_t c = container_of[request.texture];
-      tiles.clear();
-      append_face_tiles(texture, request, tiles);
-      for (const uint64_t tile : tiles)
-        if ((wanted[c].empty() || wanted[c].back().tile != tile) &&
-            !cache.probably_holds(texture.tiles->first_tile + tile, texture.tiles->tile_bytes) &&
-            !std::ranges::binary_search(coming[c], tile))
-          wanted[c].push_back({tile, texture.owner});
-    }
   }
 
   // The tile that holds texel (x, y) of a level; null when it cannot be read.
@@ -387,22 +349,43 @@ Status TextureCache::look_up_faces(std::span<const FaceTextureRequest> requests,
   return error("{}: a tile cannot be read: {}; pack the scene again", texture.tiles->path, s.cache.failure());
 }
 
-Status TextureCache::begin_staging(std::span<const FaceTextureRequest> requests) {
+void TextureCache::append_wanted(std::span<const FaceTextureRequest> requests, std::vector<WantedTile>& wanted) const {
+  const State& s = *state_;
+  std::vector<uint64_t> tiles;
+  for (const FaceTextureRequest& request : requests) {
+    const FaceTexture& texture = s.faces[request.texture];
+    if (request.face >= texture.faces.size()) continue;  // look_up_faces refuses it
+    const uint32_t container = s.container_of[request.texture];
+    tiles.clear();
+    append_face_tiles(texture, request, tiles);
+    for (const uint64_t tile : tiles)
+      if (!s.cache.probably_holds(texture.tiles->first_tile + tile, texture.tiles->tile_bytes) &&
+          !std::ranges::binary_search(s.coming[container], tile) &&
+          (wanted.empty() || wanted.back().tile != tile || wanted.back().owner != texture.owner))
+        wanted.push_back({container, texture.owner, tile});
+  }
+}
+
+Status TextureCache::begin_staging(std::vector<WantedTile> wanted) {
   State& s = *state_;
   SPILLWAY_TRY(finish_staging());
   s.cache.is_full();
-  std::vector<std::vector<WantedTile>> wanted = s.wanted_tiles(requests);
+  // By container, ascending, each once: its owner is the first of those that ask.
+  const auto place = [](const WantedTile& w) { return std::pair(w.container, w.tile); };
+  std::ranges::sort(wanted, {}, [](const WantedTile& w) { return std::tuple(w.container, w.tile, w.owner); });
+  wanted.erase(std::ranges::unique(wanted, {}, place).begin(), wanted.end());
   std::vector<ReadsAhead::Read> reads;
   uint64_t left = s.stage_limit_bytes / 2;  // the other half is what is staged
-  for (size_t c = 0; c < s.containers.size(); ++c) {
+  for (uint32_t c = 0; c < s.containers.size(); ++c) {
     const Container& container = s.containers[c];
+    const auto some = std::ranges::equal_range(wanted, c, {}, &WantedTile::container);
     std::vector<uint64_t>& tiles = s.coming[c];  // also those for which there is no room
     tiles.clear();
-    for (const WantedTile& w : wanted[c]) tiles.push_back(w.tile);
+    for (const WantedTile& w : some) tiles.push_back(w.tile);
     FaceTexSource::Stage stage = container.source->begin_stage(tiles, left);
     left -= stage.bytes;
     for (size_t i = 0; i < stage.tile_count; ++i) {
-      s.staged[wanted[c][i].owner].bytes_read += container.source->file().tiles()[tiles[i]].size_bytes;
+      s.staged[some[i].owner].bytes_read += container.source->file().tiles()[tiles[i]].size_bytes;
       s.cache.log_read(container.tiles.first_tile + tiles[i], 1);
     }
     for (ReadsAhead::Read& read : stage.reads) reads.push_back(std::move(read));
@@ -421,7 +404,14 @@ Status TextureCache::finish_staging() {
 }
 
 Status TextureCache::stage_faces(std::span<const FaceTextureRequest> requests) {
-  SPILLWAY_TRY(begin_staging(requests));
+  constexpr size_t kBlock = 1024;
+  std::vector<std::vector<WantedTile>> of_block(block_count(requests.size(), kBlock));
+  parallel_blocks(requests.size(), kBlock, [&](size_t b, size_t first, size_t last) {
+    append_wanted(requests.subspan(first, last - first), of_block[b]);
+  });
+  std::vector<WantedTile> wanted;
+  for (const auto& block : of_block) wanted.insert(wanted.end(), block.begin(), block.end());
+  SPILLWAY_TRY(begin_staging(std::move(wanted)));
   return finish_staging();
 }
 

@@ -117,12 +117,18 @@ class TextureCache {
                  std::span<const uint64_t> users = {});
   Status look_up_faces(std::span<const FaceTextureRequest> requests, std::span<Texel> values,
                        std::span<const uint64_t> users = {});
-  // Begins to read ahead, compressed, what these lookups need and has probably not been kept, nor been staged for the
-  // lookups before. While no thread looks up; those before may go on while it is read.
-  Status begin_staging(std::span<const FaceTextureRequest> requests);
+  // What lookups need and has probably not been kept, nor been staged for the lookups before, and whose it is.
+  struct WantedTile {
+    uint32_t container, owner;
+    uint64_t tile;  // of its file
+  };
+  // Appends what these lookups want, some of it more than once. From any number of threads at once, while none stages.
+  void append_wanted(std::span<const FaceTextureRequest> requests, std::vector<WantedTile>& wanted) const;
+  // Begins to read it ahead, compressed. While no thread looks up; the lookups before may go on while it is read.
+  Status begin_staging(std::vector<WantedTile> wanted);
   // Waits for it: lookups find it from here on, and no longer what was staged before. While no thread looks up.
   Status finish_staging();
-  Status stage_faces(std::span<const FaceTextureRequest> requests);  // both at once
+  Status stage_faces(std::span<const FaceTextureRequest> requests);  // all at once
   [[nodiscard]] bool has_face_textures() const;
   // The tiles there are, which is how they are numbered.
   [[nodiscard]] static uint64_t tile_count(std::span<const ImageInfo> images,

@@ -218,7 +218,9 @@ bool TileCache::is_full() {
 
 bool TileCache::probably_holds(uint64_t number, uint64_t tile_bytes) const {
   if (used_at_[number] == 0) return false;
-  return !is_full_ || reads_.load(std::memory_order_relaxed) - used_at_[number] < limit_bytes_ / tile_bytes;
+  // The library's hand goes round: tiles begin to leave before as many others came as there is room for.
+  const uint64_t stay = limit_bytes_ / tile_bytes * 3 / 4;
+  return !is_full_ || reads_.load(std::memory_order_relaxed) - used_at_[number] < stay;
 }
 
 void TileCache::begin_wave() {

@@ -39,6 +39,8 @@ struct BlockScratch {
   std::array<uint32_t, kBlockHits> lookups;  // by hit, when costs are counted
   std::array<uint64_t, kBlockHits> users;    // of tiles, likewise
   MaterialResolver::Scratch resolver;
+  std::vector<cache::FaceTextureRequest> face_requests;   // of hits being gathered
+  std::vector<cache::TextureCache::WantedTile> wanted;  // of the batch being gathered
 };
 
 // What one block of hits turned into, in the batch scratch from `first` on.
@@ -135,8 +137,9 @@ class Shader {
     batch.make_room(kStagedHits);
     batch.sorted = batch.count == 0 ? hits : batch.sorted.joined(hits);
     parallel_blocks(hits.size(), kBlockHits, [&](size_t, size_t first, size_t last) {
-      gatherer_.gather(hits.subspan(first, last - first), bytes, scratches_.local().gatherer,
-                       batch.all().from(batch.count + first));
+      BlockScratch& scratch = scratches_.local();
+      gatherer_.gather(hits.subspan(first, last - first), bytes, scratch.gatherer, batch.all().from(batch.count + first));
+      append_wanted(batch, batch.count + first, batch.count + last, scratch);
     });
     batch.count += hits.size();
     return batch.count == kStagedHits ? turn() : Status{};
@@ -169,30 +172,35 @@ class Shader {
       });
       return {};
     }));
-    if (inputs_.stages_face_textures) return turn();
-    return shade_gathered(batch);
+    if (!inputs_.stages_face_textures) return shade_gathered(batch);
+    parallel_blocks(hits.size(), kBlockHits, [&](size_t, size_t begin, size_t last) {
+      append_wanted(batch, begin, last, scratches_.local());
+    });
+    return turn();
   }
 
   // The batch is gathered: the one before it is shaded while this one's tiles are read, in the order of the file.
   Status turn() {
-    const std::vector<cache::FaceTextureRequest> requests = face_requests(filling());
-    if (!requests.empty()) SPILLWAY_TRY(inputs_.tables.textures->images()->begin_staging(requests));
+    std::vector<cache::TextureCache::WantedTile> wanted;
+    for (BlockScratch& scratch : scratches_) {
+      wanted.insert(wanted.end(), scratch.wanted.begin(), scratch.wanted.end());
+      scratch.wanted.clear();
+    }
+    cache::TextureCache& textures = *inputs_.tables.textures->images();
+    SPILLWAY_TRY(textures.begin_staging(std::move(wanted)));
     filling_ = 1 - filling_;
     SPILLWAY_TRY(shade_gathered(filling()));
-    return requests.empty() ? Status{} : inputs_.tables.textures->images()->finish_staging();
+    return textures.finish_staging();
   }
 
-  // What the batch will ask of face textures.
-  std::vector<cache::FaceTextureRequest> face_requests(GatheredBatch& batch) {
-    std::array<std::vector<cache::FaceTextureRequest>, kBatchHits / kBlockHits> of_block;
-    parallel_blocks(batch.count, kBlockHits, [&](size_t b, size_t first, size_t last) {
-      for (size_t i = first; i < last; ++i)
-        inputs_.resolver->append_face_requests({&batch.hits[i], &batch.points[i], batch.meshes[i], true, 0, {}},
-                                               of_block[b]);
-    });
-    std::vector<cache::FaceTextureRequest> requests;
-    for (const auto& some : of_block) requests.insert(requests.end(), some.begin(), some.end());
-    return requests;
+  // What hits of the batch will ask of face textures.
+  void append_wanted(GatheredBatch& batch, size_t first, size_t last, BlockScratch& scratch) {
+    scratch.face_requests.clear();
+    for (size_t i = first; i < last; ++i)
+      inputs_.resolver->append_face_requests({&batch.hits[i], &batch.points[i], batch.meshes[i], true, 0, {}},
+                                             scratch.face_requests);
+    if (!scratch.face_requests.empty())
+      inputs_.tables.textures->images()->append_wanted(scratch.face_requests, scratch.wanted);
   }
 
   Status shade_gathered(GatheredBatch& batch) {

@@ -9,6 +9,7 @@
 #include <cstring>
 #include <fstream>
 #include <random>
+#include <set>
 
 #include "cache/texture_cache.h"
 #include "tests/support/face_mesh.h"
@@ -358,7 +359,9 @@ TEST_F(FaceLookupTest, what_is_read_while_others_look_up_is_read_once_and_found)
   for (size_t first = 0; first < requests.size(); first += kStep) {
     const size_t next = std::min(first + kStep, requests.size());
     if (next < requests.size()) {
-      ASSERT_TRUE(cache_->begin_staging(batch(next)));
+      std::vector<TextureCache::WantedTile> wanted_tiles;
+      cache_->append_wanted(batch(next), wanted_tiles);
+      ASSERT_TRUE(cache_->begin_staging(std::move(wanted_tiles)));
     }
     ASSERT_TRUE(cache_->look_up_faces(batch(first), std::span(got).subspan(first)));
     ASSERT_TRUE(cache_->finish_staging());
@@ -367,6 +370,69 @@ TEST_F(FaceLookupTest, what_is_read_while_others_look_up_is_read_once_and_found)
   const TextureCounters now = cache_->counters();
   EXPECT_EQ(now.tiles_read, touched);
   EXPECT_EQ(now.bytes_read, now.unique_bytes);
+}
+
+TEST_F(FaceLookupTest, what_is_read_ahead_includes_the_tiles_of_neighbours) {
+  const FaceGrid grid(4, 4);
+  open(grid, grid.faces([](uint32_t f) { return all_of(static_cast<uint8_t>(5 + f % 3)); }), ramp);
+  std::vector<FaceTextureRequest> requests;
+  for (const uint32_t face : {0u, 5u, 10u})
+    for (const float along : {0.0f, 0.3f, 1.0f})
+      for (const auto& [u, v] : {std::pair{0.0f, along}, {1.0f, along}, {along, 0.0f}, {along, 1.0f}})
+        requests.push_back({0, face, u, v, 0.05f, 0.05f, 0.5f,
+                            along == 0 ? FaceLevelChoice::trilinear : FaceLevelChoice::stochastic});
+  reopen(FaceShape::quad, 16, 3);
+  cache_->begin_wave();
+  ASSERT_TRUE(cache_->stage_faces(requests));
+  const uint64_t ahead = cache_->counters().bytes_read;
+  std::vector<Texel> values(requests.size());
+  ASSERT_TRUE(cache_->look_up_faces(requests, values));
+  const TextureCounters now = cache_->counters();
+  EXPECT_GT(now.wave_tiles_touched, 4u);
+  EXPECT_EQ(now.bytes_read, ahead);
+  EXPECT_EQ(now.wave_unique_bytes, ahead);
+}
+
+TEST_F(FaceLookupTest, direct_reads_bring_each_block_once_and_the_tiles_that_lie_in_it) {
+  const FaceGrid grid(16, 16);
+  open(grid, grid.faces([](uint32_t) { return all_of(6); }),
+       [](double x, double y, uint32_t c) { return std::fmod(x * 37.7 + y * 91.3 + c, 1.0); });
+  cache_.reset();
+  FaceTexFile::Options options;
+  options.direct = true;
+  const auto source = FaceTexSource::open(directory_.path() / "a.facetex", options);
+  ASSERT_TRUE(source) << source.error().message;
+  const FaceTexFile& file = (*source)->file();
+  std::vector<uint64_t> tiles;
+  for (uint64_t i = 0; i < file.tiles().size(); ++i)
+    if (i % 7 != 3) tiles.push_back(i);
+  // What is left for the second stage begins in a run.
+  for (const uint64_t limit : {uint64_t{1} << 30, uint64_t{200} << 10}) {
+    const uint64_t before = io_use(IoPurpose::textures).read_bytes;
+    FaceTexSource::Stage stage = (*source)->begin_stage(tiles, limit);
+    ASSERT_GT(stage.tile_count, 0u);
+    EXPECT_LE(stage.bytes, limit);
+    for (const auto& read : stage.reads) ASSERT_TRUE(read());
+    const uint64_t read = io_use(IoPurpose::textures).read_bytes - before;
+    EXPECT_LE(read, stage.bytes);
+    std::set<uint64_t> blocks;
+    for (size_t i = 0; i < stage.tile_count; ++i) {
+      const FaceTexTile& tile = file.tiles()[tiles[i]];
+      for (uint64_t at = tile.offset / file.block_bytes(); at * file.block_bytes() < tile.offset + tile.size_bytes; ++at)
+        blocks.insert(at);
+    }
+    EXPECT_EQ(stage.bytes, blocks.size() * file.block_bytes());
+    (*source)->turn_stage();
+    std::vector<std::byte> staged(file.format().tile_bytes()), alone(staged.size());
+    const uint64_t tally = thread_read_tally().bytes;
+    for (size_t i = 0; i < stage.tile_count; ++i) {
+      ASSERT_TRUE((*source)->read_tile(tiles[i], staged));
+      ASSERT_TRUE(file.read_tile(tiles[i], alone));
+      ASSERT_EQ(staged, alone) << tiles[i];
+    }
+    EXPECT_EQ(thread_read_tally().bytes, tally);
+    tiles.erase(tiles.begin(), tiles.begin() + 5);
+  }
 }
 
 TEST_F(FaceLookupTest, a_face_that_there_is_not_is_an_error) {
