@@ -19,6 +19,7 @@ constexpr uint64_t kProbedBytes = 256ull << 20;  // read again to learn how fast
 constexpr double kRaysAPath = 4;                 // about, shadow rays included: it sets the size of samples alone
 constexpr uint64_t kBoxedOfSamples = 8;          // boxes are many
 constexpr size_t kMostBoxesBehind = 64;
+constexpr size_t kNeedKinds = kRayKinds + 1;
 
 enum : uint8_t { kOfCamera = 1, kOfContinued = 2, kOfShadow = 4, kBoxOfCamera = 8, kBoxOfLater = 16 };
 
@@ -45,12 +46,18 @@ class NeedsLog::WaveNeeds {
         camera_from_(camera_rays_from),
         rays_(log.tree_, pages, batch, {}),
         flags_(log.with_tops_.size()),
+        sampled_(kNeedKinds * log.with_tops_.size()),
+        singles_(kNeedKinds * log.with_tops_.size()),
         samples_(block_count(batch.order.size(), kBlockRays)) {
     parallel_blocks(batch.order.size(), kBlockRays, [&](size_t block, size_t first, size_t last) {
       VisitList visits;
       for (size_t i = first; i < last; ++i) add(batch.order[i], visits, samples_[block]);
     });
+    add_singles();
   }
+
+  // Shadow rays that something occludes, by their numbers among these.
+  [[nodiscard]] const std::vector<uint32_t>& occluded_singles() const { return occluded_singles_; }
 
   [[nodiscard]] uint8_t flags(uint32_t page) const { return flags_[page].load(std::memory_order_relaxed); }
   // Camera rays in the order in which they begin, others by their paths: near each other.
@@ -82,13 +89,51 @@ class NeedsLog::WaveNeeds {
     return rays_.is_path(ray) ? batch_.path_rays[ray] : batch_.shadow_rays[ray - batch_.path_rays.size()];
   }
 
+  // Of the wave's rays that are no samples the first ones, by a number of their paths, that need each page.
+  void note_need(uint32_t page, size_t kind, uint32_t ray, bool is_sampled) {
+    const size_t cell = page * kNeedKinds + kind;
+    if (is_sampled) {
+      sampled_[cell].store(true, std::memory_order_relaxed);
+      return;
+    }
+    if (sampled_[cell].load(std::memory_order_relaxed)) return;
+    const uint64_t rank = (mix64(log_.keys_[ray]) >> 32 << 32 | ray) + 1;
+    uint64_t least = singles_[cell].load(std::memory_order_relaxed);
+    while ((least == 0 || rank < least) && !singles_[cell].compare_exchange_weak(least, rank)) {
+    }
+  }
+
+  void add_singles() {
+    std::vector<uint32_t> chosen;
+    for (size_t cell = 0; cell < singles_.size(); ++cell)
+      if (!sampled_[cell] && singles_[cell] != 0) chosen.push_back(static_cast<uint32_t>(singles_[cell] - 1));
+    sort_unique(chosen);
+    VisitList visits;
+    samples_.emplace_back();
+    for (const uint32_t ray : chosen) {
+      if (rays_.is_occluded(ray)) {
+        occluded_singles_.push_back(ray - static_cast<uint32_t>(batch_.path_rays.size()));
+        continue;
+      }
+      add_needs(ray, rays_.pages_before_hit(ray, {log_.with_tops_.data()}, visits), visits, samples_.back());
+      samples_.back().back().ray.needs.is_single = true;
+    }
+  }
+
   void add(uint32_t ray, VisitList& visits, std::vector<Sample>& samples) {
-    if (rays_.is_occluded(ray)) return;
+    const bool is_sampled = log_.is_sampled(log_.keys_[ray]), is_occluded = rays_.is_occluded(ray);
     const RayKind kind = kind_of(ray);
     const auto met = rays_.pages_before_hit(ray, {log_.with_tops_.data()}, visits);
+    for (const cache::PageVisit& visit : met)
+      note_need(visit.page, is_occluded ? kRayKinds : static_cast<size_t>(kind), ray, is_sampled);
+    if (is_occluded) return;
     for (const cache::PageVisit& visit : met) mark(visit.page, static_cast<uint8_t>(1u << static_cast<int>(kind)));
+    if (is_sampled) add_needs(ray, met, visits, samples);
+  }
+
+  void add_needs(uint32_t ray, std::span<const cache::PageVisit> met, VisitList& visits, std::vector<Sample>& samples) {
+    const RayKind kind = kind_of(ray);
     const uint64_t path = log_.keys_[ray];
-    if (!log_.is_sampled(path)) return;
     RayNeeds& needs = samples.emplace_back(Sample{ray, {path, {.kind = kind}}}).ray.needs;
     for (const cache::PageVisit& visit : met) needs.pages.push_back(visit.page);
     if (rays_.is_path(ray) && batch_.path_hits[ray].prim != PrimId::kNone) {
@@ -121,6 +166,10 @@ class NeedsLog::WaveNeeds {
   const size_t camera_from_;
   WaveRays rays_;
   std::vector<std::atomic<uint8_t>> flags_;
+  // Of each page, by kind, those that are occluded last: whether a sample needs it, else which ray, plus one.
+  std::vector<std::atomic<bool>> sampled_;
+  std::vector<std::atomic<uint64_t>> singles_;
+  std::vector<uint32_t> occluded_singles_;
   std::vector<std::vector<Sample>> samples_;
 };
 
@@ -222,12 +271,13 @@ void NeedsLog::add_lists(const WaveNeeds& needs) {
   }
 }
 
-void NeedsLog::add_occluded(const TraceBatch& batch) {
+void NeedsLog::add_occluded(const TraceBatch& batch, const std::vector<uint32_t>& singles) {
   const auto wave = static_cast<uint32_t>(log_.waves.size() - 1);
   const std::span<const uint64_t> keys = std::span(keys_).subspan(batch.path_rays.size());
   for (size_t i = 0; i < batch.shadow_rays.size(); ++i)
     if ((batch.shadow_hits[i].flags & cache::kHitOccluded) != 0 && is_sampled(keys[i]))
-      occluded_.push_back({batch.shadow_rays[i], keys[i], wave});
+      occluded_.push_back({batch.shadow_rays[i], keys[i], wave, false});
+  for (const uint32_t i : singles) occluded_.push_back({batch.shadow_rays[i], keys[i], wave, true});
   claim_ = MemoryClaim(MemoryTag::trace_log, occluded_.capacity() * sizeof(OccludedRay) + log_.sample_bytes.capacity());
 }
 
@@ -238,7 +288,7 @@ Status NeedsLog::log_wave(PageViews& pages, const TraceBatch& batch, const cache
   WaveNeeds needs(*this, pages, batch, camera_rays_from);
   add_lists(needs);
   put_samples(log_.sample_bytes, static_cast<uint32_t>(log_.waves.size() - 1), needs.samples());
-  add_occluded(batch);
+  add_occluded(batch, needs.occluded_singles());
   return {};
 }
 
@@ -297,6 +347,7 @@ void NeedsLog::write_batch(std::span<const OccludedRay> rays, std::span<const Oc
       if (pairs[at].occludes != 0) needs.stops.push_back(pairs[at].page);
     }
     sort_unique(needs.pages), sort_unique(needs.stops);
+    needs.is_single = rays[r].is_single;
     if (is_boxed(rays[r].path))
       add_boxes(rays[r].ray, cache::TraceMode::occlusion, rays[r].ray.t_max, visits, needs);
     if (r + 1 < rays.size() && rays[r + 1].wave == rays[r].wave) continue;

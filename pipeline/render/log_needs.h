@@ -46,6 +46,7 @@ class NeedsLog {
     cache::TraceRay ray;
     uint64_t path;
     uint32_t wave;
+    bool is_single;
   };
   struct OccludedPair;
   class WaveNeeds;
@@ -57,7 +58,7 @@ class NeedsLog {
                    const cache::RecordStream<ShadowRecord>& shadows);
   void add_boxes(const cache::TraceRay& ray, cache::TraceMode mode, float t_hit, VisitList& visits, RayNeeds& needs) const;
   void add_lists(const WaveNeeds& needs);
-  void add_occluded(const TraceBatch& batch);
+  void add_occluded(const TraceBatch& batch, const std::vector<uint32_t>& singles);
   Status find_batch(cache::PartStore& pages, std::span<const OccludedRay> rays);
   void write_batch(std::span<const OccludedRay> rays, std::span<const OccludedPair> pairs);
 

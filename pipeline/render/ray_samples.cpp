@@ -8,7 +8,7 @@
 namespace spillway::pipeline {
 namespace {
 
-constexpr uint64_t kKnowsBoxes = 4;  // added to a kind
+constexpr uint64_t kKnowsBoxes = 4, kIsSingle = 8;  // added to a kind
 
 void put_list(std::vector<std::byte>& bytes, const std::vector<uint32_t>& list) {
   put_number(bytes, list.size());
@@ -20,7 +20,8 @@ void put_list(std::vector<std::byte>& bytes, const std::vector<uint32_t>& list) 
 }
 
 void put_needs(std::vector<std::byte>& bytes, const RayNeeds& needs) {
-  put_number(bytes, static_cast<uint64_t>(needs.kind) + (needs.knows_boxes ? kKnowsBoxes : 0));
+  put_number(bytes, static_cast<uint64_t>(needs.kind) + (needs.knows_boxes ? kKnowsBoxes : 0) +
+                        (needs.is_single ? kIsSingle : 0));
   put_list(bytes, needs.pages);
   put_number(bytes, needs.stops.size());
   for (const uint32_t page : needs.stops) put_number(bytes, page);
@@ -46,9 +47,9 @@ uint32_t get_below(NumberReader& reader, uint64_t limit) {
 
 void get_needs(NumberReader& reader, uint64_t page_count, RaySamples& samples) {
   const uint64_t kind = reader.number();
-  if (kind % kKnowsBoxes >= kRayKinds || kind >= 2 * kKnowsBoxes) reader.ok = false;
+  if (kind % kKnowsBoxes >= kRayKinds || kind >= 2 * kIsSingle) reader.ok = false;
   if (!reader.ok) return;
-  NeedsRow row{static_cast<RayKind>(kind % kKnowsBoxes), kind >= kKnowsBoxes,
+  NeedsRow row{static_cast<RayKind>(kind % kKnowsBoxes), (kind & kKnowsBoxes) != 0, (kind & kIsSingle) != 0,
                static_cast<uint32_t>(samples.items.size())};
   row.page_count = get_list(reader, samples.items, page_count);
   row.stop_count = static_cast<uint32_t>(reader.count(page_count));

@@ -5,7 +5,7 @@
 // is in memory occludes them.
 //
 // Format: bytes of groups: a wave's number; the different needs of its rays; its rays. Of needs: their number, and of
-//         each its RayKind (plus kKnowsBoxes), pages (an ascending list), stops (their number, and each), and with
+//         each its RayKind (plus kKnowsBoxes, kIsSingle), pages (an ascending list), stops (their number, and each), and with
 //         kKnowsBoxes boxes (an ascending list) and those behind (their number; of each, place and page). Of rays: their
 //         number, and of each how far its path's key lies from that of the ray before (zigzag), and which needs are its.
 //         Numbers and lists as in ascending_list.h. Camera rays lie in the order in which they begin.
@@ -34,6 +34,8 @@ struct RayNeeds {
   std::vector<uint32_t> stops = {};
   // Of some rays: pages that are met by their box alone. Behind the hit: how many stops come before, and the page.
   bool knows_boxes = false;
+  // Not a sample, and not for others: logged for a page that no sample of its wave and kind needs.
+  bool is_single = false;
   std::vector<uint32_t> boxes = {};  // ascending
   std::vector<std::pair<uint32_t, uint32_t>> boxes_behind = {};
   auto operator<=>(const RayNeeds&) const = default;
@@ -50,7 +52,7 @@ void put_samples(std::vector<std::byte>& bytes, uint32_t wave, std::span<const S
 // Decoded.
 struct NeedsRow {
   RayKind kind = RayKind::camera;
-  bool knows_boxes = false;
+  bool knows_boxes = false, is_single = false;
   // In items, one after the other; of boxes behind the place before the page.
   uint32_t first = 0, page_count = 0, stop_count = 0, box_count = 0, behind_count = 0;
 };

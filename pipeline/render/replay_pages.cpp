@@ -31,7 +31,7 @@ ReplayPages::ReplayPages(const AccessLog& log, const ReplayPaths& paths, const P
 template <class Visit>
 void ReplayPages::for_each_top(const Ray& ray, const Set& seen, const Visit& visit) const {
   const RaySamples& samples = paths_.samples();
-  const NeedsRow& needs = paths_.needs(ray.ray);
+  const NeedsRow& needs = needs_of(ray);
   for (const uint32_t page : samples.pages(needs))
     if (!seen[page]) visit(page);
   if (!ray.hit_is_open || ray.stops < 2) return;
@@ -43,7 +43,7 @@ void ReplayPages::for_each_top(const Ray& ray, const Set& seen, const Visit& vis
 template <class Visit>
 void ReplayPages::for_each_box(const Ray& ray, const Set& seen, const Visit& visit) const {
   const RaySamples& samples = paths_.samples();
-  const NeedsRow& needs = paths_.needs(ray.ray);
+  const NeedsRow& needs = needs_of(ray);
   for (const uint32_t page : samples.boxes(needs))
     if (!known_[page] && !seen[page]) visit(page);
   if (!ray.hit_is_open) return;
@@ -61,7 +61,14 @@ void ReplayPages::begin(std::span<const uint32_t> paths, std::span<const uint32_
   ray_count_ = paths.size() + shadows.size(), path_count_ = paths.size();
   uint32_t place = 0;
   for (const auto& rays : {paths, shadows})
-    for (const uint32_t ray : rays) add_ray(place++, ray);
+    for (const uint32_t ray : rays) {
+      for (const ReplayPaths::Single& one : paths_.beside(ray)) {
+        if (!one.is_box) add_ray(place, one.what, true);
+        if (!one.is_box || resident_[one.what] || known_[one.what]) continue;
+        add_visit(one.what, 1), seldom_[one.what] = true;
+      }
+      add_ray(place++, paths_.needs_number(ray), false);
+    }
 }
 
 void ReplayPages::add_visit(uint32_t page, double count) {
@@ -70,15 +77,11 @@ void ReplayPages::add_visit(uint32_t page, double count) {
   if (before < enough && visits_[page] >= enough) early_.push_back(page);
 }
 
-void ReplayPages::add_ray(uint32_t place, uint32_t number) {
-  const NeedsRow& needs = paths_.needs(number);
+void ReplayPages::add_ray(uint32_t place, uint32_t number, bool is_single) {
+  const NeedsRow& needs = paths_.samples().needs[number];
   const auto pages = paths_.samples().pages(needs), stops = paths_.samples().stops(needs);
-  for (const ReplayPaths::Seldom& one : paths_.seldom(number)) {
-    if (resident_[one.page] || (one.by_box && known_[one.page])) continue;
-    add_visit(one.page, 1), seldom_[one.page] = true;
-  }
   const auto stop = std::ranges::find_if(stops, [&](uint32_t page) { return resident_[page]; });
-  Ray ray{place, number, static_cast<uint32_t>(stop - stops.begin())};
+  Ray ray{place, number, static_cast<uint32_t>(stop - stops.begin()), is_single};
   if (!is_path(ray) && stop != stops.end()) {
     residency_.ask(*stop);
     return;
@@ -88,9 +91,9 @@ void ReplayPages::add_ray(uint32_t place, uint32_t number) {
     if (resident_[page]) residency_.ask(page), ++residents;
   // Where a page before the hit is in memory the hit may be in that one: what is said of it is a guess.
   ray.hit_is_open = is_path(ray) && residents == 0 && ray.stops > 0;
-  for_each_top(ray, resident_, [&](uint32_t page) { ray.waits = true, add_visit(page, rays_a_sample_); });
-  for_each_box(ray, resident_, [&](uint32_t page) { ray.waits_by_box = true, add_visit(page, rays_a_box_); });
-  if (ray.waits || ray.waits_by_box) waiting_ += ray.waits ? rays_a_sample_ : rays_a_box_;
+  for_each_top(ray, resident_, [&](uint32_t page) { ray.waits = true, add_visit(page, count_of(ray)); });
+  for_each_box(ray, resident_, [&](uint32_t page) { ray.waits_by_box = true, add_visit(page, is_single ? 1 : rays_a_box_); });
+  if (ray.waits || ray.waits_by_box) waiting_ += ray.waits || is_single ? count_of(ray) : rays_a_box_;
   rays_.push_back(ray);
 }
 
@@ -104,13 +107,13 @@ ReplayRays ReplayPages::choose_late() {
     bool by_top = false, by_box = false;
     for_each_top(ray, resident_, [&](uint32_t page) { by_top |= late_[page]; });
     for_each_box(ray, resident_, [&](uint32_t page) { by_box |= late_[page]; });
-    if (by_top || by_box) (is_path(ray) ? late.paths : late.shadows) += by_top ? rays_a_sample_ : rays_a_box_;
+    if (by_top || by_box) (is_path(ray) ? late.paths : late.shadows) += by_top || ray.is_single ? count_of(ray) : rays_a_box_;
   }
   return late;
 }
 
 bool ReplayPages::stops_in(const Ray& ray, const Set& pages) const {
-  const auto stops = paths_.samples().stops(paths_.needs(ray.ray));
+  const auto stops = paths_.samples().stops(needs_of(ray));
   if (is_path(ray)) return !stops.empty() && pages[stops.front()];
   return std::ranges::any_of(stops, [&](uint32_t page) { return pages[page]; });
 }
@@ -125,15 +128,15 @@ std::vector<bool> ReplayPages::park() {
     const bool stops_now = stops_in(ray, read_now);
     if (!is_path(ray) && stops_now) continue;
     if (stops_now) ray.hit_is_open = false;
-    const auto kind = static_cast<size_t>(paths_.kind(ray.ray));
+    const auto kind = static_cast<size_t>(needs_of(ray).kind);
     bool by_top = false, by_box = false;
-    for (const uint32_t page : paths_.samples().pages(paths_.needs(ray.ray))) by_top |= late_[page];
+    for (const uint32_t page : paths_.samples().pages(needs_of(ray))) by_top |= late_[page];
     for_each_box(ray, resident_, [&](uint32_t page) { by_box |= late_[page]; });
-    if (by_box && !by_top) owed[kind] += rays_a_box_ / rays_a_sample_ - 1;
-    const bool pays = !by_top && !by_box && !paths_.needs(ray.ray).knows_boxes && owed[kind] >= 1;
+    if (by_box && !by_top && !ray.is_single) owed[kind] += rays_a_box_ / rays_a_sample_ - 1;
+    const bool pays = !by_top && !by_box && !needs_of(ray).knows_boxes && !ray.is_single && owed[kind] >= 1;
     if (pays) owed[kind] -= 1;
     if (!by_top && !by_box && !pays) continue;
-    is_parked[ray.place] = true;
+    if (!ray.is_single) is_parked[ray.place] = true;
     lot_.push_back(ray);
   }
   for (uint32_t page = 0; page < visits_.size(); ++page) {

@@ -52,20 +52,23 @@ class ReplayPages {
   using List = std::vector<uint32_t>;
   // A ray that is not at its end.
   struct Ray {
-    uint32_t place = 0, ray = 0;        // in the wave; its number
+    uint32_t place = 0, needs = 0;      // in the wave; by number
     uint32_t stops = 0;                 // before its stops end: those as far as one in memory, where the hit is not
+    bool is_single = false;             // it stands for itself, beside the ray of its place
     bool hit_is_open = false;           // of a path whose hit is in no page that was visited
     bool waits = false;                 // for pages that are known, or
     bool waits_by_box = false;          // for others that it meets by their box
   };
-  void add_ray(uint32_t place, uint32_t ray);
+  void add_ray(uint32_t place, uint32_t needs, bool is_single);
   void add_visit(uint32_t page, double count);
   // Calls visit(page) for what is not in memory of what the ray needs.
   template <class Visit>
   void for_each_top(const Ray& ray, const Set& seen, const Visit& visit) const;
   template <class Visit>
   void for_each_box(const Ray& ray, const Set& seen, const Visit& visit) const;
-  [[nodiscard]] bool is_path(const Ray& ray) const { return paths_.kind(ray.ray) != RayKind::shadow; }
+  [[nodiscard]] const NeedsRow& needs_of(const Ray& ray) const { return paths_.samples().needs[ray.needs]; }
+  [[nodiscard]] bool is_path(const Ray& ray) const { return needs_of(ray).kind != RayKind::shadow; }
+  [[nodiscard]] double count_of(const Ray& ray) const { return ray.is_single ? 1 : rays_a_sample_; }
   [[nodiscard]] bool stops_in(const Ray& ray, const Set& pages) const;
   void read(uint32_t page, ReplayRead& sum);
   ReplayRead sweep_windows();

@@ -1,6 +1,7 @@
 #include "pipeline/render/replay_paths.h"
 
 #include <algorithm>
+#include <iterator>
 #include <tuple>
 
 namespace spillway::pipeline {
@@ -8,26 +9,28 @@ namespace spillway::pipeline {
 Result<ReplayPaths> ReplayPaths::of(const AccessLog& log) {
   ReplayPaths paths;
   SPILLWAY_ASSIGN(paths.samples_, log.samples());
-  paths.order_paths();
+  const std::vector<SampleRow> rows = std::exchange(paths.samples_.rays, {});
+  paths.order_paths(rows);
   double begun = 0;
   for (const WaveAccess& wave : log.waves) begun += static_cast<double>(wave.facts.generated_count);
   if (paths.path_count() > 0) paths.rays_a_sample_ = std::max(1.0, begun / paths.path_count());
-  paths.add_seldom(log);
+  paths.add_singles(log, rows);
   return paths;
 }
 
-void ReplayPaths::order_paths() {
+void ReplayPaths::order_paths(std::span<const SampleRow> rows) {
   std::vector<std::pair<uint64_t, uint32_t>> numbers;  // of a key, by the order of its camera rays
-  for (const SampleRow& row : samples_.rays)
-    if (samples_.needs_of(row).kind == RayKind::camera)
+  const auto is_single = [&](const SampleRow& row) { return samples_.needs_of(row).is_single; };
+  for (const SampleRow& row : rows)
+    if (samples_.needs_of(row).kind == RayKind::camera && !is_single(row))
       numbers.emplace_back(row.path, static_cast<uint32_t>(numbers.size()));
   const auto path_count = static_cast<uint32_t>(numbers.size());
   std::ranges::sort(numbers);
-  for (const SampleRow& row : samples_.rays) {
+  for (const SampleRow& row : rows) {
+    if (is_single(row)) continue;
     const auto found = std::ranges::lower_bound(numbers, std::pair(row.path, 0u));
     if (found != numbers.end() && found->first == row.path) rays_.push_back({found->second, row.wave, row.needs});
   }
-  samples_.rays = {};
   std::ranges::stable_sort(rays_, {}, [&](const Ray& ray) {
     return std::tuple(ray.path, samples_.needs[ray.needs].kind != RayKind::camera, ray.wave, samples_.needs[ray.needs].kind);
   });
@@ -46,51 +49,52 @@ std::pair<uint32_t, uint32_t> ReplayPaths::sent_by(uint32_t ray) const {
   return {first, last};
 }
 
-std::span<const ReplayPaths::Seldom> ReplayPaths::seldom(uint32_t ray) const {
-  if (!has_seldom_[ray]) return {};
-  const auto of_ray = std::ranges::equal_range(seldom_, ray, {}, &Seldom::ray);
+std::span<const ReplayPaths::Single> ReplayPaths::beside(uint32_t ray) const {
+  if (!has_singles_[ray]) return {};
+  const auto of_ray = std::ranges::equal_range(singles_, ray, {}, &Single::beside);
   return {of_ray.begin(), of_ray.end()};
 }
 
 // Spread over the rays of their wave and kind.
-void ReplayPaths::add_seldom(const AccessLog& log) {
-  has_seldom_.assign(rays_.size(), false);
-  if (log.facts.sampled_of == 1) return;
-  std::vector<std::vector<uint32_t>> of_wave(log.waves.size() * kRayKinds);
-  for (uint32_t r = 0; r < rays_.size(); ++r)
-    of_wave[rays_[r].wave * kRayKinds + static_cast<size_t>(kind(r))].push_back(r);
-  std::vector<uint8_t> sampled(log.page_bytes.size());
-  const auto add = [&](const std::vector<uint32_t>& pages, uint8_t flag, const std::vector<uint32_t>& rays) {
-    uint64_t count = 0;
-    for (const uint32_t page : pages) count += (sampled[page] & flag) == 0 ? 1 : 0;
-    uint64_t i = 0;
-    for (const uint32_t page : pages)
-      if ((sampled[page] & flag) == 0 && !rays.empty())
-        seldom_.push_back({rays[(2 * i++ + 1) * rays.size() / (2 * count)], page, flag == 2});
+void ReplayPaths::add_singles(const AccessLog& log, std::span<const SampleRow> rows) {
+  has_singles_.assign(rays_.size(), false);
+  std::vector<std::vector<uint32_t>> rays(log.waves.size() * kRayKinds);
+  std::vector<std::vector<uint32_t>> needs_of_singles(rays.size());
+  const auto cell = [](uint32_t wave, RayKind kind) { return wave * kRayKinds + static_cast<size_t>(kind); };
+  for (uint32_t r = 0; r < rays_.size(); ++r) rays[cell(rays_[r].wave, kind(r))].push_back(r);
+  for (const SampleRow& row : rows)
+    if (samples_.needs_of(row).is_single)
+      needs_of_singles[cell(row.wave, samples_.needs_of(row).kind)].push_back(row.needs);
+  const auto spread = [&](const std::vector<uint32_t>& what, const std::vector<uint32_t>& over, bool is_box) {
+    for (size_t i = 0; i < what.size() && !over.empty(); ++i)
+      singles_.push_back({over[(2 * i + 1) * over.size() / (2 * what.size())], what[i], is_box});
   };
-  for (size_t w = 0; w < log.waves.size(); ++w) {
-    const WaveAccess& wave = log.waves[w];
-    const auto lists = {&wave.camera_pages, &wave.continued_pages, &wave.shadow_pages};
-    size_t kind_index = 0;
-    bool later_boxes = false;
-    for (const auto* const list : lists) {
-      const std::vector<uint32_t>& rays = of_wave[w * kRayKinds + kind_index];
-      if (kind_index != static_cast<size_t>(RayKind::shadow)) std::ranges::fill(sampled, uint8_t{0});
-      if (kind_index == static_cast<size_t>(RayKind::shadow)) for (uint8_t& flags : sampled) flags &= 2;
-      for (const uint32_t r : rays) {
-        const NeedsRow& n = needs(r);
-        for (const uint32_t page : samples_.pages(n)) sampled[page] |= 3;
-        for (const uint32_t page : samples_.boxes(n)) sampled[page] |= 2;
-      }
-      add(*list, 1, rays);
-      if (kind_index == 0) add(wave.camera_boxes, 2, rays);
-      later_boxes = kind_index == 2;
-      if (later_boxes) add(wave.later_boxes, 2, rays.empty() ? of_wave[w * kRayKinds + 1] : rays);
-      ++kind_index;
+  for (size_t i = 0; i < rays.size(); ++i) spread(needs_of_singles[i], rays[i], false);
+  for (uint32_t w = 0; w < log.waves.size(); ++w) {
+    const std::vector<uint32_t>&camera = rays[cell(w, RayKind::camera)], &continued = rays[cell(w, RayKind::continued)],
+                               &shadow = rays[cell(w, RayKind::shadow)];
+    spread(boxes_of_none(log.waves[w].camera_boxes, {&camera}), camera, true);
+    spread(boxes_of_none(log.waves[w].later_boxes, {&continued, &shadow}), continued.empty() ? shadow : continued, true);
+  }
+  std::ranges::stable_sort(singles_, {}, &Single::beside);
+  for (const Single& one : singles_) has_singles_[one.beside] = true;
+}
+
+// Those of the pages that none of the rays tells of.
+std::vector<uint32_t> ReplayPaths::boxes_of_none(const std::vector<uint32_t>& pages,
+                                                 std::initializer_list<const std::vector<uint32_t>*> lists) const {
+  std::vector<uint32_t> told;
+  for (const auto* const rays : lists) {
+    for (const uint32_t r : *rays) {
+      const auto tops = samples_.pages(needs(r)), boxes = samples_.boxes(needs(r));
+      told.insert(told.end(), tops.begin(), tops.end());
+      told.insert(told.end(), boxes.begin(), boxes.end());
     }
   }
-  std::ranges::stable_sort(seldom_, {}, &Seldom::ray);
-  for (const Seldom& one : seldom_) has_seldom_[one.ray] = true;
+  std::ranges::sort(told);
+  std::vector<uint32_t> left;
+  std::ranges::set_difference(pages, told, std::back_inserter(left));
+  return left;
 }
 
 }  // namespace spillway::pipeline
