@@ -125,6 +125,7 @@ class Replayer {
       replay_.compute_seconds += static_cast<double>(read.again_bytes) * costs_.compute;
       ++replay_.wave_count;
     }
+    count(pages_.sweep_lot(), 0);  // of rays that are no samples, if such alone are left
     return replay_;
   }
 
