@@ -278,7 +278,8 @@ void NeedsLog::add_occluded(const TraceBatch& batch, const std::vector<uint32_t>
     if ((batch.shadow_hits[i].flags & cache::kHitOccluded) != 0 && is_sampled(keys[i]))
       occluded_.push_back({batch.shadow_rays[i], keys[i], wave, false});
   for (const uint32_t i : singles) occluded_.push_back({batch.shadow_rays[i], keys[i], wave, true});
-  claim_ = MemoryClaim(MemoryTag::trace_log, occluded_.capacity() * sizeof(OccludedRay) + log_.sample_bytes.capacity());
+  claim_ = MemoryClaim(MemoryTag::trace_log, occluded_.capacity() * sizeof(OccludedRay) + log_.sample_bytes.capacity() +
+                                                  keys_.capacity() * sizeof(uint64_t));
 }
 
 Status NeedsLog::log_wave(PageViews& pages, const TraceBatch& batch, const cache::RecordStream<PathRecord>& paths,

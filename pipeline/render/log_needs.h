@@ -3,8 +3,8 @@
 // What the rays of each wave need, for an access log: by their final hits and the tree of pages with its tops alone, so
 // that it is the same for any budget.
 //
-// Owns: the tops of all pages, and the sampled shadow rays that something occludes. Memory: tags page_tree (tops) and
-// trace_log: 48 bytes a ray of the latter, kMostSamples at most in all; while read_tops() runs some of the largest
+// Owns: the tops of all pages, and the shadow rays that something occludes and that are logged. Memory: tags page_tree (tops) and
+// trace_log: 8 bytes a ray of the wave, 48 one of the latter, kMostSamples at most in all; while read_tops() runs some of the largest
 // pages. Threads: one at a time; log_wave() uses the arena. Order: none of it depends on threads or memory. What
 // occludes a ray is found after the last wave, by one sweep for many rays: a wave that does not have the pages in
 // memory does not look. Its reads are no part of the run's counters, nor is its time.
@@ -26,7 +26,9 @@ namespace spillway::pipeline {
 
 class NeedsLog {
  public:
-  // Sampled rays of a frame, about; larger: a larger log.
+  // Sampled rays of a frame, about; larger: a larger log. Of a city's street of 14.7 M paths one in four took 44 MiB. Beside
+  // them, of each page that no sample of a wave and kind needs, one ray that does: without these 0.76 of what was read
+  // within a quarter of the geometry was foretold, not 0.85.
   static constexpr uint64_t kMostSamples = 16 << 20;
   // Those of one path in so many, a power of two: by the frame alone.
   [[nodiscard]] static uint64_t sampled_of(const SceneFacts& facts);
