@@ -58,7 +58,8 @@ class NeedsLog {
   [[nodiscard]] uint64_t key_of(uint32_t sink, uint32_t sample) const { return sink * stride_ + sample; }
   Status read_keys(const TraceBatch& batch, const cache::RecordStream<PathRecord>& paths,
                    const cache::RecordStream<ShadowRecord>& shadows);
-  void add_boxes(const cache::TraceRay& ray, cache::TraceMode mode, float t_hit, VisitList& visits, RayNeeds& needs) const;
+  void add_boxes(const cache::TraceRay& ray, cache::TraceMode mode, float t_hit, VisitList& visits,
+                 RayNeeds& needs) const;
   void add_lists(const WaveNeeds& needs);
   void add_occluded(const TraceBatch& batch, const std::vector<uint32_t>& singles);
   Status find_batch(cache::PartStore& pages, std::span<const OccludedRay> rays);

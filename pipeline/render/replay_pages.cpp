@@ -92,7 +92,8 @@ void ReplayPages::add_ray(uint32_t place, uint32_t number, bool is_single) {
   // Where a page before the hit is in memory the hit may be in that one: what is said of it is a guess.
   ray.hit_is_open = is_path(ray) && residents == 0 && ray.stops > 0;
   for_each_top(ray, resident_, [&](uint32_t page) { ray.waits = true, add_visit(page, count_of(ray)); });
-  for_each_box(ray, resident_, [&](uint32_t page) { ray.waits_by_box = true, add_visit(page, is_single ? 1 : rays_a_box_); });
+  for_each_box(ray, resident_,
+               [&](uint32_t page) { ray.waits_by_box = true, add_visit(page, is_single ? 1 : rays_a_box_); });
   if (ray.waits || ray.waits_by_box) waiting_ += ray.waits || is_single ? count_of(ray) : rays_a_box_;
   rays_.push_back(ray);
 }
@@ -107,7 +108,8 @@ ReplayRays ReplayPages::choose_late() {
     bool by_top = false, by_box = false;
     for_each_top(ray, resident_, [&](uint32_t page) { by_top |= late_[page]; });
     for_each_box(ray, resident_, [&](uint32_t page) { by_box |= late_[page]; });
-    if (by_top || by_box) (is_path(ray) ? late.paths : late.shadows) += by_top || ray.is_single ? count_of(ray) : rays_a_box_;
+    if (!by_top && !by_box) continue;
+    (is_path(ray) ? late.paths : late.shadows) += by_top || ray.is_single ? count_of(ray) : rays_a_box_;
   }
   return late;
 }

@@ -13,7 +13,7 @@ ReplayWaves::ReplayWaves(const ReplayPaths& paths, const SceneFacts& scene, cons
       park_limit_(static_cast<double>(plan.parked_rays)),
       frame_paths_(static_cast<double>(scene.pixel_count) * scene.samples_per_pixel),
       pixel_count_(scene.pixel_count),
-      wave_paths_(std::max<size_t>(1, static_cast<size_t>(static_cast<double>(plan.wave_paths) / rays_a_sample_ + 0.5))),
+      wave_paths_(static_cast<size_t>(std::max(1.0, std::round(static_cast<double>(plan.wave_paths) / rays_a_sample_)))),
       schedule_({scene.samples_per_pixel, plan.epoch_samples, plan.first_epoch_samples}),
       half_(paths.path_count()) {}
 
@@ -21,9 +21,12 @@ bool ReplayWaves::next(ReplayWave& wave) {
   wave = {};
   wave.paths.swap(next_paths_), wave.shadows.swap(next_shadows_);
   const bool has_traced = parked_.traced_count() + parked_shadows_.traced_count() > 0;
-  if (!has_traced && are_nearly_full(rays_of(parked_.size()), rays_of(parked_shadows_.size()), park_limit_)) sweep_lot(wave);
+  if (!has_traced && are_nearly_full(rays_of(parked_.size()), rays_of(parked_shadows_.size()), park_limit_))
+    sweep_lot(wave);
   top_up(wave);
-  const auto is_empty = [&] { return wave.paths.empty() && wave.back.empty() && wave.shadows.empty() && wave.back_shadows == 0; };
+  const auto is_empty = [&] {
+    return wave.paths.empty() && wave.back.empty() && wave.shadows.empty() && wave.back_shadows == 0;
+  };
   if (is_empty() && parked_.size() + parked_shadows_.size() > 0) {
     sweep_lot(wave);
     top_up(wave);
@@ -108,7 +111,8 @@ void ReplayWaves::advance(const ReplayWave& wave) {
 
 void ReplayWaves::close_epochs() {
   for (const uint32_t half : {0u, 1u})
-    if (schedule_.is_open(half) && live_[half] == 0 && (begun_ == epoch_end_ || epoch_half_ != half)) schedule_.close(half);
+    if (schedule_.is_open(half) && live_[half] == 0 && (begun_ == epoch_end_ || epoch_half_ != half))
+      schedule_.close(half);
 }
 
 }  // namespace spillway::pipeline
