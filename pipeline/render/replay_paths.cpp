@@ -32,8 +32,8 @@ void ReplayPaths::order_paths(std::span<const SampleRow> rows) {
     if (found != numbers.end() && found->first == row.path) rays_.push_back({found->second, row.wave, row.needs});
   }
   std::ranges::stable_sort(rays_, {}, [&](const Ray& ray) {
-    const RayKind kind = samples_.needs[ray.needs].kind;
-    return std::tuple(ray.path, kind != RayKind::camera, ray.wave, kind);
+    const RayKind of_ray = samples_.needs[ray.needs].kind;
+    return std::tuple(ray.path, of_ray != RayKind::camera, ray.wave, of_ray);
   });
   first_.assign(path_count + 1, 0);
   for (const Ray& ray : rays_) ++first_[ray.path + 1];
