@@ -52,9 +52,9 @@ void AccessLog::end_wave(const WaveFacts& wave_facts) {
   claims_.emplace_back(MemoryTag::trace_log, bytes);
 }
 
-Result<std::vector<WaveSamples>> AccessLog::samples() const {
-  std::vector<WaveSamples> all(waves.size());
-  if (!get_samples(sample_bytes, page_bytes.size(), all))
+Result<RaySamples> AccessLog::samples() const {
+  RaySamples all;
+  if (!get_samples(sample_bytes, page_bytes.size(), waves.size(), all))
     return error("what single rays need is damaged; make the log anew with --access-log");
   return all;
 }

@@ -56,7 +56,8 @@ struct AccessFacts {
   double seconds = 0;
   double log_seconds = 0;          // of these, what logging took
   double page_wait_seconds = 0, attribute_wait_seconds = 0;
-  uint64_t sampled_of = 1;         // one ray in so many is a sample
+  uint64_t sampled_of = 1;         // the rays of one path in so many are samples,
+  uint64_t boxed_of = 1;           // and those of one in so many tell of boxes
   uint64_t probe_bytes = 0;        // of pages, read again before the first wave for nothing but
   double probe_seconds = 0;        // the time that takes,
   double probe_cpu_seconds = 0;    // and the processors' time
@@ -66,7 +67,7 @@ struct AccessFacts {
 
 class AccessLog {
  public:
-  static constexpr uint32_t kVersion = 5;  // of the file
+  static constexpr uint32_t kVersion = 6;  // of the file
 
   AccessFacts facts;
   std::vector<uint64_t> page_bytes, attribute_bytes;
@@ -75,8 +76,8 @@ class AccessLog {
   bool is_over = false;  // visits of pages are no longer the render's
   TileLog tiles;  // open where the scene has textures
 
-  // What single rays need, of each wave; fails when they are damaged.
-  [[nodiscard]] Result<std::vector<WaveSamples>> samples() const;
+  // What single rays need; fails when they are damaged.
+  [[nodiscard]] Result<RaySamples> samples() const;
   // The wave that is under way: the last one.
   WaveAccess& wave() { return waves.back(); }
   void begin_wave() { waves.emplace_back(); }

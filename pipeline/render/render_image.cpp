@@ -155,7 +155,7 @@ class RenderLoop {
       cold.read_ahead(hits.lend(report.path_count + 2 * cold.records_per_block()), sizeof(HitRecord));
     state_.inputs.hits_descend = turns_hits() && report_.waves.size() % 2 == 1;
     SPILLWAY_TRY(tracer_.trace(wave, report));
-    log_wave(wave, report);
+    SPILLWAY_TRY(log_wave(wave, report));
     if (report_.has_media) SPILLWAY_TRY(track_wave(wave, report));
     SPILLWAY_TRY(route_wave(wave, hits, report));
     report.spilled_bytes += wave.paths.cold.spilled_bytes() + wave.shadows.cold.spilled_bytes();
@@ -220,10 +220,11 @@ class RenderLoop {
   }
 
   // Path rays from the camera were added last.
-  void log_wave(const Wave& wave, const WaveReport& report) {
-    if (!state_.needs) return;
+  Status log_wave(const Wave& wave, const WaveReport& report) {
+    if (!state_.needs) return {};
     const StageTimer timer("log_needs", report_.log_seconds);
-    state_.needs->log_wave(*state_.pages, tracer_.batch(wave), wave.paths.hot.size() - report.generated_count);
+    return state_.needs->log_wave(*state_.pages, tracer_.batch(wave), wave.paths.cold, wave.shadows.cold,
+                                  wave.paths.hot.size() - report.generated_count);
   }
 
   void begin_log() {

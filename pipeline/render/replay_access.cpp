@@ -1,19 +1,19 @@
 #include "pipeline/render/replay_access.h"
 
 #include <algorithm>
-#include <cmath>
-#include <iterator>
 
 #include "cache/residency.h"
 #include "pipeline/records.h"
 #include "pipeline/render/replay_pages.h"
+#include "pipeline/render/replay_paths.h"
 #include "pipeline/render/replay_waves.h"
 
 namespace spillway::pipeline {
 namespace {
 
 constexpr double kMostWaves = 1 << 22;  // 2^38 paths in small waves: more is no frame
-constexpr double kMostOfAWave = 0.75;
+// Of a wave's rays, those that are like one of the log, at least, of the most that are: blocks are known of whole waves.
+constexpr double kManyOfMost = 0.25;
 constexpr double kUnprobedBytesPerSecond = 2.8e9;  // as the planner's
 
 using List = std::vector<uint32_t>;
@@ -22,48 +22,6 @@ using Set = std::vector<bool>;
 void add(const List& items, Set& to) {
   for (const uint32_t item : items) to[item] = true;
 }
-
-// Waves of the log by the paths that began in them.
-class LogRanges {
- public:
-  explicit LogRanges(const AccessLog& log) {
-    double end = 0;
-    for (const WaveAccess& w : log.waves) {
-      begins_.push_back(end);
-      end += static_cast<double>(w.facts.generated_count);
-    }
-    begins_.push_back(end);
-  }
-
-  // Those whose middle lies in the range, so that neighbouring ranges share none; or the one around its middle.
-  [[nodiscard]] List waves_of(PathRange range) const {
-    List waves;
-    if (range.last <= range.first) return waves;
-    for (size_t wave = wave_at(range.first); wave + 1 < begins_.size() && begins_[wave] <= range.last; ++wave) {
-      const double middle = 0.5 * (begins_[wave] + begins_[wave + 1]);
-      if (middle >= range.first && middle <= range.last) waves.push_back(static_cast<uint32_t>(wave));
-    }
-    if (waves.empty()) waves.push_back(static_cast<uint32_t>(wave_at(0.5 * (range.first + range.last))));
-    return waves;
-  }
-  // Those in which such paths went on: the next ones.
-  [[nodiscard]] List waves_after(const std::vector<PathRange>& ranges) const {
-    List all;
-    const auto last = static_cast<uint32_t>(begins_.size() - 2);
-    for (const PathRange& range : ranges)
-      for (const uint32_t wave : waves_of(range)) all.push_back(std::min(wave + 1, last));
-    std::ranges::sort(all);
-    all.erase(std::unique(all.begin(), all.end()), all.end());
-    return all;
-  }
-
- private:
-  [[nodiscard]] size_t wave_at(double path) const {
-    const auto after = std::upper_bound(begins_.begin(), begins_.end() - 1, path);
-    return after == begins_.begin() ? 0 : static_cast<size_t>(after - begins_.begin()) - 1;
-  }
-  std::vector<double> begins_;  // of each wave's paths, and the end
-};
 
 // Attribute blocks: one sweep a wave.
 class ReplayBlocks {
@@ -127,7 +85,9 @@ ReadCosts read_costs(const AccessLog& log, const ReplayRates& rates) {
 double spilled_bytes(const AccessLog& log, const Plan& plan) {
   // What the planner takes a step to spill, for the steps that there were.
   if (!plan.spills) return 0;
-  return static_cast<double>(plan.predicted_spill_bytes) / std::max(1.0, plan.predicted_steps) * PathRates(log).steps;
+  double steps = 0;
+  for (const WaveAccess& w : log.waves) steps += static_cast<double>(w.facts.path_count);
+  return static_cast<double>(plan.predicted_spill_bytes) / std::max(1.0, plan.predicted_steps) * steps;
 }
 
 Status check(const AccessLog& log, const Plan& plan) {
@@ -144,62 +104,62 @@ Status check(const AccessLog& log, const Plan& plan) {
 // Goes through the waves of a plan.
 class Replayer {
  public:
-  Replayer(const AccessLog& log, std::vector<WaveSamples> samples, const Plan& plan, const ReadCosts& costs)
+  Replayer(const AccessLog& log, const ReplayPaths& paths, const Plan& plan, const ReadCosts& costs)
       : log_(log),
-        ranges_(log),
+        paths_(paths),
         costs_(costs),
-        pages_(log, std::move(samples), plan),
+        pages_(log, paths, plan),
         blocks_(log, plan),
-        waves_(log, plan) {
+        waves_(paths, log.facts.scene, plan) {
     replay_.plan = plan;
   }
 
   Replay run() {
-    for (ReplayWave wave; waves_.next(wave); waves_.advance()) {
-      const List begun = ranges_.waves_of(wave.begun), going_on = ranges_.waves_after(wave.going_on);
+    for (ReplayWave wave; waves_.next(wave); waves_.advance(wave)) {
       if (wave.swept_rays > 0) count(pages_.sweep_lot(), wave.swept_rays);
-      trace(wave, begun, going_on);
-      const ReplayRead read = blocks_.sweep(shaded_like(wave, begun, going_on));
+      trace(wave);
+      const ReplayRead read = blocks_.sweep(shaded_like(wave));
       replay_.attribute_bytes += read.bytes();
       // Blocks are not gone through when they are new, as pages are.
       replay_.io_seconds += static_cast<double>(read.bytes()) * costs_.again;
       replay_.compute_seconds += static_cast<double>(read.again_bytes) * costs_.compute;
       ++replay_.wave_count;
     }
+    count(pages_.sweep_lot(), 0);  // of rays that are no samples, if such alone are left
     return replay_;
   }
 
  private:
-  // Blocks are known of whole waves of the log, of all their rays: where those in which the wave's paths began had as
-  // many as it has, they are enough.
-  [[nodiscard]] List shaded_like(const ReplayWave& wave, const List& begun, const List& going_on) const {
-    double paths = 0;
-    for (const uint32_t w : begun) paths += static_cast<double>(log_.waves[w].facts.path_count);
-    if (paths >= kMostOfAWave * wave.paths()) return begun;
-    List all;
-    std::ranges::set_union(begun, going_on, std::back_inserter(all));
-    return all;
+  // Blocks are known of whole waves of the log, of all their rays.
+  [[nodiscard]] List shaded_like(const ReplayWave& wave) const {
+    std::vector<size_t> counts(log_.waves.size());
+    for (const List* const rays : {&wave.paths, &wave.back})
+      for (const uint32_t ray : *rays) ++counts[paths_.ray(ray).wave];
+    const auto most = static_cast<double>(std::ranges::max(counts));
+    List waves;
+    for (uint32_t w = 0; w < counts.size(); ++w)
+      if (counts[w] > 0 && static_cast<double>(counts[w]) >= kManyOfMost * most) waves.push_back(w);
+    return waves;
   }
 
-  void trace(const ReplayWave& wave, const List& begun, const List& going_on) {
-    pages_.begin(begun, going_on, {wave.camera_paths, wave.later_paths, wave.shadows});
+  void trace(ReplayWave& wave) {
+    pages_.begin(wave.paths, wave.shadows);
     const bool parks = replay_.plan.parked_rays > 0;
     const double parked = parks ? park(wave) : 0;
-    const auto [camera, continued, shadow] = pages_.waiting();
-    count(pages_.sweep(), camera + continued + shadow - parked);
+    count(pages_.sweep(), pages_.waiting() - parked);
     // As the renderer does: else all that is wanted is asked for when the lot is swept.
     if (!parks) pages_.rebalance();
   }
 
   // How many rays leave the wave.
-  double park(const ReplayWave& wave) {
-    const auto [camera, continued, shadow] = pages_.choose_late();
-    if (!waves_.has_room(camera + continued, shadow)) return 0;  // all is read in the wave
-    const auto [cameras, later, shadows] = pages_.park();
-    const auto share = [](double some, double all) { return all > 0 ? some / all : 0; };
-    waves_.park(share(cameras, wave.camera_paths), share(later, wave.later_paths), share(shadows, wave.shadows));
-    replay_.parked_rays += cameras + later + shadows;
-    return cameras + later + shadows;
+  double park(ReplayWave& wave) {
+    const ReplayRays late = pages_.choose_late();
+    if (late.sum() == 0 || !waves_.has_room(late.paths, late.shadows)) return 0;  // all is read in the wave
+    const std::vector<bool> is_parked = pages_.park();
+    waves_.park(wave, is_parked);
+    const double parked = paths_.rays_a_sample() * static_cast<double>(std::ranges::count(is_parked, true));
+    replay_.parked_rays += parked;
+    return parked;
   }
 
   void count(const ReplayRead& read, double rays) {
@@ -211,7 +171,7 @@ class Replayer {
   }
 
   const AccessLog& log_;
-  const LogRanges ranges_;
+  const ReplayPaths& paths_;
   const ReadCosts costs_;
   ReplayPages pages_;
   ReplayBlocks blocks_;
@@ -233,9 +193,9 @@ Result<Replay> replay_access(const AccessLog& log, PlanOptions options, const Re
   if (log.waves.empty()) return error("the log has no waves");
   SPILLWAY_ASSIGN(const Plan plan, plan_render(log.facts.scene, options));
   SPILLWAY_TRY(check(log, plan));
-  SPILLWAY_ASSIGN(std::vector<WaveSamples> samples, log.samples());
+  SPILLWAY_ASSIGN(const ReplayPaths paths, ReplayPaths::of(log));
   const ReadCosts costs = read_costs(log, rates);
-  Replay replay = Replayer(log, std::move(samples), plan, costs).run();
+  Replay replay = Replayer(log, paths, plan, costs).run();
   replay.finer_than_log = plan.wave_paths < log.facts.wave_paths;
   replay.spill_bytes = static_cast<uint64_t>(spilled_bytes(log, plan));
   replay.io_seconds += static_cast<double>(replay.spill_bytes) / rates.spill_bytes_per_second;

@@ -6,16 +6,16 @@
 // Out:    the plan, and the waves, bytes and seconds that it would come to.
 // Memory: the log, and rows of parts. Order: serial, a function of the log and the options alone.
 //
-// How: a wave of the plan begins the next paths of the log's order, as many as its size leaves room for; what its
-// camera rays need is what those of the same paths needed, and what its other rays need is what those of the paths of
-// the waves before needed. Samples of single rays, drawn to the wave's counts, tell how many rays visit each page that
-// is not in memory: whether it is read at once, which rays are parked, and what all in the lot need when it is swept.
-// Reads then follow from the policy of residency itself (cache/residency.h). Compute is the log's own, without what
-// logging took; a byte that is read again costs what the log's probe measured: time, and processors that tracing does
+// How: the log's sampled paths go through the loop of the renderer (replay_waves.h), ray after ray, each for as many as
+// there are to a sample. What their rays need tells how many visit each page that is not in memory: whether it is read at
+// once, which rays are parked, and what all in the lot need when it is swept (replay_pages.h); those that were parked go
+// on afterwards. Reads then follow from the policy of residency itself (cache/residency.h). Compute is the log's own,
+// without what logging took; a byte that is read again costs what the log's probe measured: time, and processors that
+// tracing does
 // not have. Limits: waves smaller than those of the log need less than is known of them (`finer_than_log`): log with
 // small waves, which is what an unlimited budget plans. A ray that meets a page from several instances counts once.
-// Paths that come back from the lot go on as others do, though they lie where less is in memory. Textures and volumes
-// are not replayed.
+// Attribute blocks are those of whole waves of the log, more than those of the rays that come back from the lot. Textures
+// and volumes are not replayed.
 
 #include <string>
 #include <vector>

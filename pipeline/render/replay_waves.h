@@ -1,83 +1,71 @@
 #pragma once
 
-// The loop of the renderer with counts for rays: which paths of a frame make which wave, given a plan.
+// The loop of the renderer with a log's sampled paths for all: which of their rays are traced in which wave, given a plan.
 //
-// Owns: groups of paths that began together. Order: serial. Based on: render_image.cpp, whose rules these are: waves
-// take back rays of the lot that were traced, then camera paths of open epochs, which close when their last ray ends;
-// the lot is swept when it is nearly full, or when nothing else is left.
+// Owns: rays on their way. Order: serial. Based on: render_image.cpp, whose rules these are: waves take back rays of the
+// lot that were traced, by what they hit, then camera paths of open epochs, which close when their last ray ends; the lot
+// is swept when it is nearly full, or when nothing else is left.
 
 #include <array>
+#include <span>
 #include <vector>
 
-#include "pipeline/render/access_log.h"
 #include "pipeline/render/epochs.h"
+#include "pipeline/render/plan.h"
+#include "pipeline/render/replay_paths.h"
 
 namespace spillway::pipeline {
 
-// Camera paths [first, last) in the order in which they begin.
-struct PathRange {
-  double first = 0, last = 0;
-};
-
+// Rays by their numbers.
 struct ReplayWave {
-  PathRange begun;
-  std::vector<PathRange> going_on;  // of those that are still on their way: the youngest, which stand for all
-  double camera_paths = 0, later_paths = 0, shadows = 0;  // to be traced: without those that came back
-  double swept_rays = 0;                                  // of the lot, before this wave
-  [[nodiscard]] double paths() const { return camera_paths + later_paths; }
-};
-
-// What is known of a log as a whole.
-struct PathRates {
-  explicit PathRates(const AccessLog& log);
-  double steps = 0, begun = 0;
-  double continuing = 0;  // of a wave's paths, those that go on
-  double shadows_a_later_path = 0;
+  std::vector<uint32_t> paths, shadows;  // to be traced
+  std::vector<uint32_t> back;            // paths that came back, with their hits
+  size_t back_shadows = 0;
+  double swept_rays = 0;                 // of the lot, before this wave
 };
 
 class ReplayWaves {
  public:
-  ReplayWaves(const AccessLog& log, const Plan& plan);
+  ReplayWaves(const ReplayPaths& paths, const SceneFacts& scene, const Plan& plan);
 
   // The next wave; false when all paths have ended.
   bool next(ReplayWave& wave);
   // Whether the lot takes so many rays.
   [[nodiscard]] bool has_room(double paths, double shadows) const;
-  // These shares of the wave go there.
-  void park(double camera_share, double later_share, double shadow_share);
+  // Those of the wave go there: of its paths, then of its shadow rays.
+  void park(ReplayWave& wave, const std::vector<bool>& is_parked);
   // The wave was traced and shaded.
-  void advance();
+  void advance(const ReplayWave& wave);
 
  private:
-  // Paths that began together.
-  struct PathGroup {
-    PathRange range;
-    double live = 0;
-    uint32_t age = 0;  // bounces
-    uint32_t half = 0;
+  using Rays = std::vector<uint32_t>;
+  // The lot's, of one kind.
+  struct Parked {
+    Rays waiting, traced;
+    size_t given = 0;  // of those that were traced
+    [[nodiscard]] size_t traced_count() const { return traced.size() - given; }
+    [[nodiscard]] size_t size() const { return waiting.size() + traced_count(); }
   };
-  using Groups = std::vector<PathGroup>;
-  using OfHalf = std::array<double, 2>;
-  static double sum(const Groups& groups);
-  static double sum(const OfHalf& counts) { return counts[0] + counts[1]; }
-  static void merge(Groups& groups);
-  [[nodiscard]] std::vector<PathRange> youngest_ranges() const;
+  [[nodiscard]] double rays_of(size_t samples) const { return rays_a_sample_ * static_cast<double>(samples); }
+  [[nodiscard]] uint32_t half_of(uint32_t ray) const { return half_[paths_.ray(ray).path]; }
   void sweep_lot(ReplayWave& wave);
-  void take_back();
+  static void give_back(Parked& parked, size_t count, Rays& to);
   void top_up(ReplayWave& wave);
+  bool open_epoch();
+  void send(uint32_t ray);
   void close_epochs();
-  [[nodiscard]] bool has_traced() const;
-  [[nodiscard]] bool is_empty() const;
 
-  const PathRates rates_;
-  const double wave_paths_, park_limit_, pixels_;
-  const uint32_t max_depth_;
+  const ReplayPaths& paths_;
+  const double rays_a_sample_, park_limit_, frame_paths_;
+  const uint64_t pixel_count_;
+  const size_t wave_paths_;  // samples
   EpochSchedule schedule_;
-  // Of the wave, to be traced and traced before; of the lot, the same.
-  Groups groups_, back_, parked_, traced_;
-  OfHalf shadows_ = {}, back_shadows_ = {}, parked_shadows_ = {}, traced_shadows_ = {};
-  double begun_ = 0, left_ = 0;  // of the epoch whose paths begin
-  uint32_t half_ = 0;
+  Rays next_paths_, next_shadows_;
+  Parked parked_, parked_shadows_;
+  std::vector<uint8_t> half_;  // of each path that has begun
+  std::array<uint64_t, 2> live_ = {0, 0};
+  double opened_paths_ = 0;  // of the frame, in epochs so far
+  uint32_t begun_ = 0, epoch_end_ = 0, epoch_half_ = 0;
 };
 
 }  // namespace spillway::pipeline

@@ -119,17 +119,20 @@ TEST_F(AccessLogTest, samples_are_of_all_rays_and_agree_with_the_lists) {
   for (size_t w = 0; w < log.waves.size(); ++w) {
     std::array<uint64_t, kRayKinds> counts = {};
     std::array<std::set<uint32_t>, kRayKinds> pages;
-    for (const SampleRow& row : (*samples)[w].rows) {
+    for (const SampleRow& ray : samples->rays) {
+      if (ray.wave != w) continue;
+      const NeedsRow& row = samples->needs_of(ray);
       const auto kind = static_cast<size_t>(row.kind);
-      const auto met = (*samples)[w].pages(row), stops = (*samples)[w].stops(row);
+      const auto met = samples->pages(row), stops = samples->stops(row);
       const bool is_occluded = row.kind == RayKind::shadow && !stops.empty();
-      counts[kind] += row.count;
+      EXPECT_TRUE(row.knows_boxes && !row.is_single);
+      ++counts[kind];
       if (is_occluded) {
         EXPECT_TRUE(std::ranges::includes(met, stops));
       } else {
         pages[kind].insert(met.begin(), met.end());
       }
-      if (is_occluded) occluded += row.count;
+      if (is_occluded) ++occluded;
     }
     const WaveFacts& facts = log.waves[w].facts;
     EXPECT_EQ(counts, (std::array{facts.generated_count, facts.path_count - facts.generated_count, facts.shadow_count}));
