@@ -115,6 +115,25 @@ TEST(Plan, records_stay_in_memory_where_a_wave_meets_few_pages) {
   EXPECT_FALSE(plan->spills);
 }
 
+TEST(Plan, lots_hold_a_million_rays_where_missing_pages_weigh_gigabytes) {
+  SceneFacts city = large_scene();
+  city.trace_bytes = 7 * kGiB, city.attribute_bytes = 1600 * kMiB, city.texture_bytes = 0;
+  city.pixel_count = 1280 * 720, city.samples_per_pixel = 16;
+  const auto plan = plan_render(city, budget(1 * kGiB));
+  ASSERT_TRUE(plan);
+  EXPECT_LT(plan->wave_paths, 1u << 20);
+  EXPECT_EQ(plan->parked_rays, 1u << 20);
+  EXPECT_LE(plan->memory_bytes, 1 * kGiB);
+  // As many as a wave has paths where there is no room for them, and where less is missing.
+  const auto little = plan_render(city, budget(400 * kMiB));
+  ASSERT_TRUE(little);
+  EXPECT_EQ(little->parked_rays, little->wave_paths);
+  city.trace_bytes = 2 * kGiB;
+  const auto less = plan_render(city, budget(1 * kGiB));
+  ASSERT_TRUE(less);
+  EXPECT_EQ(less->parked_rays, less->wave_paths);
+}
+
 TEST(Plan, a_budget_that_is_too_small_is_refused_with_one_that_would_do) {
   const auto refused = plan_render(large_scene(), budget(200 * kMiB));
   ASSERT_FALSE(refused);
