@@ -16,9 +16,10 @@ constexpr uint64_t kPairBytesPerPath = 40;                  // of a sweep: two r
 constexpr uint64_t kSpilledPairBytesPerPath = 12;           // less than that: a sweep in several windows
 // Of the lot (park_rays.h), a path and a shadow ray: rays, results, records, slots; and while they are swept, order,
 // keys and indices of their sort, and pairs.
-// As many as a wave has paths, when pages are missing. Where these weigh gigabytes a million: the lot is swept when it is full and
-// once for every bounce at the end of a frame, and reads nearly all of them each time. A city of 154 million triangles within 1 GiB,
-// 16 samples: 51 GiB in waves and lots of 512 Ki, 45 GiB with lots of 1 Mi and waves of 128 to 512 Ki, 47 GiB with lots of 2 Mi.
+// As many as a wave has paths, when pages are missing; where these weigh gigabytes a million. The lot is swept when it is
+// full and once for every bounce at the end of a frame, and reads nearly all of them each time. A city of 154 million
+// triangles within 1 GiB, 16 samples: 51 GiB in waves and lots of 512 Ki, 45 GiB with lots of 1 Mi and waves of 128 to
+// 512 Ki, 47 GiB with lots of 2 Mi.
 constexpr uint64_t kParkedOfLarge = 1 << 20;
 constexpr uint64_t kLargeMissingBytes = 2ull << 30;
 constexpr uint64_t kParkedBytes = 2 * (32 + 24 + 4) + 52 + 24 + 2 * (4 + 16) + kPairBytesPerPath;

@@ -13,6 +13,7 @@ namespace {
 
 constexpr double kMostWaves = 1 << 22;  // 2^38 paths in small waves: more is no frame
 // Of a wave's rays, those that are like one of the log, at least, of the most that are: blocks are known of whole waves.
+// Chosen, not measured: what it says of blocks is up to 3.5 times too much (bench/RESULTS.md).
 constexpr double kManyOfMost = 0.25;
 constexpr double kUnprobedBytesPerSecond = 2.8e9;  // as the planner's
 
